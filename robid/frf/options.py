@@ -25,16 +25,17 @@ class EstimateOptions:
         "logarithmic", "arithmetic", "joint", "h1", "indirect", "robust_local", "local", "local_periodic"
     ] = option(
         "logarithmic",
-        "How the blocks are averaged. `logarithmic`, `arithmetic`: means of Y U^-1; `joint`: least squares with the"
-        " recorded reference as instrument; `h1`: with the torque, biased in closed loop; `indirect`: closed-loop"
-        " responses from the recorded reference; `robust_local`: `logarithmic` once the transient between the lines of"
-        " several periods is removed; `local` fits a polynomial to neighbouring bins of any signal; `local_periodic`"
-        " to neighbouring excited lines, for fewer experiments than motors.",
+        "Estimator. `logarithmic`, `arithmetic`: means of Y U^-1 over the blocks. `joint`: least squares with "
+        "the recorded reference as instrument. `h1`: the same with the torque as instrument, biased in closed "
+        "loop. `indirect`: closed-loop responses from the recorded reference. `robust_local`: `logarithmic` "
+        "after the transient between the lines of several periods is removed. `local`: a polynomial through "
+        "neighbouring bins of any signal. `local_periodic`: one through neighbouring excited lines, for fewer "
+        "experiments than motors.",
     )
     outputs: Literal["auto", "acceleration", "measured"] = option(
         "auto",
-        "What angles, positions and speeds become: accelerations, or as they were measured; `auto`: accelerations"
-        " where the inputs are torques, currents or forces, as measured for any other.",
+        "Whether angles, positions and speeds become accelerations or stay as measured. `auto`: accelerations "
+        "where the inputs are torques, currents or forces, as measured for all others.",
     )
     local_order: int = option(2, "Order of the local polynomials of response and transient.", ge=0)
     local_denominator: int = option(
@@ -45,15 +46,15 @@ class EstimateOptions:
     )
     local_half_width_lines: int | None = option(
         None,
-        "Bins or lines on each side of the one estimated that a local fit uses; the smallest number that leaves enough"
-        " freedom when not given.",
+        "Bins or lines that a local fit uses on each side of the estimated one. When not given, the smallest "
+        "number that leaves enough degrees of freedom.",
         ge=0,
     )
     compensation: Literal["auto", "none", "nominal", "silent_lines"] | FittedFriction = option(
         "nominal",
-        "Friction and ripple subtracted from the torque: none, the robot file's, what the lines that are not excited"
-        " show, or what a fit of rigid dynamics found (`{fit: NAME}`); `auto`, the default of logs: `silent_lines`"
-        " where it can be, else `nominal`.",
+        "Friction and ripple subtracted from the torque. `none`: nothing. `nominal`: the robot file's. "
+        "`silent_lines`: what the lines that are not excited show. `{fit: NAME}`: the friction of a rigid fit. "
+        "`auto`, the default of logs: `silent_lines` where possible, else `nominal`.",
     )
     silent_configurations: int = option(
         4, "Configurations, evenly spread, in which `silent_lines` identifies them.", ge=1
@@ -62,8 +63,8 @@ class EstimateOptions:
 
     weak_line_std: float = option(
         0.5,
-        "Standard deviation of an input's best known response, over the response's usual size around the line, from"
-        " which the line is left out for this input.",
+        "Limit of the standard deviation of an input's best known response, over the response's usual size "
+        "around the line. A line above it is left out for this input.",
         gt=0,
     )
 

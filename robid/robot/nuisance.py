@@ -23,14 +23,15 @@ class NuisanceStd:
     coupling_std: float = option(0.002, "Of a gear coupling, arm turns of this joint per arm turn of another.", ge=0)
     arm_friction: float = option(
         0.05,
-        "Of viscous friction behind the transmission, over what the link's own inertia asks for at 10 Hz; where"
-        " `arm_viscous` is not estimated.",
+        "Of viscous friction behind the transmission, over the torque of the link's own inertia at 10 Hz; "
+        "where `arm_viscous` is not estimated.",
         ge=0,
     )
     friction: float = option(
         0.02,
-        "Of what friction leaves in a motor's torque, in phase with its angle, losing energy and, where `viscous` is"
-        " not estimated, growing with its speed, over what its rotor asks for at 10 Hz.",
+        "Of the friction that remains in a motor's torque, over the torque of its rotor's inertia at 10 Hz. It is a "
+        "part in phase with the angle, one that dissipates energy and, where `viscous` is not estimated, one that "
+        "grows with speed.",
         ge=0,
     )
     loss_factor: float = option(0.02, "Of the largest loss factor of a gear's hysteresis, which stiffens it too.", ge=0)
@@ -45,10 +46,10 @@ class NuisanceStd:
     compliance: float = option(
         0.05, "Of the compliance of bearings and base that the file lacks, over that of the joint's gear.", ge=0
     )
-    zero_deg: float = option(0.5, "Of the zero of a joint that turns, what its encoder shows too little [deg].", ge=0)
+    zero_deg: float = option(0.5, "Of the zero of a revolute joint, true minus reported angle [deg].", ge=0)
     chain_compliance: float = option(
         0.12,
-        "Of the share of a gear's fitted compliance that is not its own, but of links, shafts and hinges in line with"
-        " it; no share is negative.",
+        "Of the share of a gear's fitted compliance that belongs to links, shafts and hinges in line with it; "
+        "no share is negative.",
         ge=0,
     )

@@ -38,4 +38,4 @@ def data_path(name: str, folder: Path) -> Path:
 class Assumed(Section):
     """A section some of whose values no source gives."""
 
-    assumed: tuple[str, ...] = option((), "Dotted names, within this section, of the values that no source gives.")
+    assumed: tuple[str, ...] = option((), "Dotted names, within this section, of values without a source.")

@@ -71,12 +71,16 @@ class Configurations(OneKey):
         None, "In place of `grid_deg` where joints are prismatic: angles [deg] and positions [m]."
     )
     chosen_by: Name | Annotated[tuple[Name, ...], Field(min_length=1)] | None = Field(
-        default=None, alias="from", description="Name of the design that chooses them, or of several in a row."
+        default=None,
+        alias="from",
+        description="Name of the design that chooses them, or a list of several, one after the other.",
     )
     mirror: Name | None = option(
         None, "Name of a design whose choice is mirrored at the vertical plane through the world's x axis."
     )
-    join: tuple[Configurations, ...] | None = option(None, "Several such sections in a row.", min_length=1)
+    join: tuple[Configurations, ...] | None = option(
+        None, "A list of such sections, one after the other.", min_length=1
+    )
 
     @property
     def key(self) -> str:
@@ -115,23 +119,24 @@ class Campaign(Section):
 
     configurations: Configurations | None = option(None, "The robot configurations; logs of one shot need none.")
     payload_kg: float | None = option(None, "Payload mass; the robot file's when not given [kg].", ge=0)
-    excitation: ExcitationSettings = group(MultisineOptions, "What the motors are told to do.")
+    excitation: ExcitationSettings = group(MultisineOptions, "Excitation of the motors.")
     realizations: int = option(1, "Blocks of experiments with new random phases.", ge=1)
     experiments: int | None = option(
         None,
-        "Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator:"
-        " local_periodic` and dense linear lines. On the simulated KR300 (195 odd lines, noise, no friction) the"
-        " diagonal's error stays within 1.5x of the full block's with 2 of 6 experiments and `local_denominator: 2`;"
-        " with 3 and a polynomial in a single realization; with 4 realizations, with 1, `local_order: 4` and"
-        " `local_denominator: 2`. Logs of one shot have one unless given.",
+        "Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator: "
+        "local_periodic` and dense linear lines. On the simulated KR300 (195 odd lines, noise, no friction) "
+        "the diagonal's error stays within 1.5x of the full block's in three cases. These are 2 of 6 "
+        "experiments and `local_denominator: 2`; 3 experiments and a polynomial in a single realization; and, "
+        "with 4 realizations, 1 experiment, `local_order: 4` and `local_denominator: 2`. Logs of one shot have "
+        "one unless given.",
         ge=1,
     )
     periods: int = option(2, "Recorded periods of each experiment.", ge=1)
     outputs: tuple[str, ...] = option(
         ("motors",), "What a simulation records: `motors` first, then `<joint>.arm` and the robot's `sensors`."
     )
-    source: Source | None = option(None, "Where the record comes from; none if never measured.")
-    estimate: EstimateOptions = group(EstimateOptions, "How the record becomes a frequency response.")
+    source: Source | None = option(None, "Source of the record; none if the campaign is not measured.")
+    estimate: EstimateOptions = group(EstimateOptions, "Estimation of the frequency response from the record.")
 
     @property
     def designs(self) -> tuple[str, ...]:
@@ -219,18 +224,18 @@ class Design(CostOptions, InformationOptions, DesignOptions):
     campaign: Name = Field(description="Name of the campaign with the configurations to choose from.")
     prior: Name | None = option(
         None,
-        "Name of an earlier fit: what it knows counts beforehand, and its estimates take the place of the"
-        " robot file's values. The configuration that adds most to it comes first.",
+        "Name of an earlier fit. Its information is the prior, and its estimates replace the robot file's "
+        "values. The configuration that adds most to it comes first.",
     )
     between: Name | None = option(
         None,
-        "Name of an earlier fit, of four configurations or more: how far parameters differed between those"
-        " takes the place of `between_relative_std`.",
+        "Name of an earlier fit of four configurations or more. The scatter of parameters between its "
+        "configurations replaces `between_relative_std`.",
     )
     fit: Name | None = option(
         None,
-        "Name of the fit that the choice is for, with `weights: {mean: fit}`: its estimator and weights"
-        " take the place of user weights with the design's `off_diagonal` and `low_cut_hz`.",
+        "Name of the fit for which the design is made, with `weights: {mean: fit}`. Its estimator and weights "
+        "replace user weights with the design's `off_diagonal` and `low_cut_hz`.",
     )
 
     def options(self) -> DesignOptions:
@@ -246,7 +251,7 @@ class Execution(Section):
     """How the experiment is computed; nothing here changes a result."""
 
     backend: Literal["serial", "processes", "dask"] = option(
-        "processes", "How tasks are mapped to cores; `dask` needs the extra of that name."
+        "processes", "Mapping of tasks to cores; `dask` needs the extra of that name."
     )
     workers: int | None = option(None, "Number of processes; all cores when not given. A scheduler has its own.", ge=1)
     scheduler: str | None = option(
@@ -255,7 +260,7 @@ class Execution(Section):
         min_length=1,
     )
     log_level: Literal["info", "warning"] = option(
-        "info", "What is told while it runs: progress, messages and warnings, or warnings alone."
+        "info", "Output during a run: progress, messages and warnings, or warnings alone."
     )
 
 
@@ -263,20 +268,20 @@ class Experiment(Section):
     """An experiment file."""
 
     schema_version: Literal[1, 2] = Field(
-        description="Version of this format: in 2 configurations count from 1, in 1 they counted from 0."
+        description="Version of this format. In 2 configurations count from 1, in 1 they counted from 0."
     )
     name: Name = Field(description="Name of the experiment and of its run folder.")
     robot: str | None = option(
         None,
-        "The robot file, relative to this file. Logs alone need none where no fit asks for the inside of"
-        " the robot: names of channels are then free.",
+        "The robot file, relative to this file. Not needed if the experiment only reads logs and no fit uses a "
+        "model of the robot; names of channels are then free.",
         min_length=1,
     )
     campaigns: dict[Name, Campaign] = Field(description="Campaigns by name.", min_length=1)
     designs: dict[Name, Design] = group(dict, "Choices of configurations by name.")
     fits: dict[Name, FitSettings] = group(dict, "Fits by name.")
-    study: Any = option(None, "What `robid study` does beyond the campaigns and fits.")
-    execution: Execution = group(Execution, "How it is computed.")
+    study: Any = option(None, "Section of `robid study`, in addition to the campaigns and fits.")
+    execution: Execution = group(Execution, "Settings of the computation.")
 
     @property
     def counts_from(self) -> int:

@@ -35,8 +35,8 @@ class FitSettings:
     )
     configurations: tuple[Place, ...] | None = Field(
         default=None,
-        description="Numbers, from 1, of the campaign's configurations to use, those of further campaigns counted on;"
-        " all when not given.",
+        description="Numbers, from 1, of the campaign's configurations to use; those of further campaigns "
+        "continue the count. All when not given.",
         min_length=1,
     )
     validate_on: Name | None = Field(default=None, description="Name of the campaign it is validated on.")

@@ -47,8 +47,8 @@ class CounterbalanceSection(Assumed):
     preload_n: float = option(0.0, "Pull of the spring at its free length; negative where it pushes [N].")
     area_m2: float | None = option(
         None,
-        "Of a gas cylinder: area on which the gas presses as it is squeezed by drawing the cylinder out; negative where"
-        " it pushes the ends apart [m^2].",
+        "Of a gas cylinder: area on which the gas presses when the cylinder is extended and compresses it; "
+        "negative where it pushes the ends apart [m^2].",
     )
     rest_pressure_pa: float | None = option(
         None, "Of a gas cylinder: pressure of the gas at the free length, over that of the surroundings [Pa].", gt=0
@@ -58,8 +58,8 @@ class CounterbalanceSection(Assumed):
     )
     exponent: float | None = option(
         None,
-        "Of a gas cylinder: polytropic exponent, 1 where the gas stays as warm as it is, 1.4 where it gives off no"
-        " heat, between them for most.",
+        "Of a gas cylinder: polytropic exponent. It is 1 for constant temperature, 1.4 without exchange of "
+        "heat, and in between for most.",
         ge=1,
         le=2,
     )
@@ -77,7 +77,7 @@ class CounterbalanceSection(Assumed):
         return GasBalance(carrier, link, self.free_length_m, area, pressure, volume, exponent)
 
 
-_FOR_ALL = "in place of the robot's; 0 takes it for granted"
+_FOR_ALL = "in place of the robot's; 0 means no error"
 
 
 class JointNuisanceStd(Section):
@@ -91,7 +91,7 @@ class JointNuisanceStd(Section):
     torque_relative_std: float | None = option(None, f"Of the motor's torque constant, {_FOR_ALL}.", ge=0)
     coupling_std: float | None = option(None, f"Of the joint's gear couplings, {_FOR_ALL}.", ge=0)
     arm_friction: float | None = option(None, f"Of viscous friction behind the transmission, {_FOR_ALL}.", ge=0)
-    friction: float | None = option(None, f"Of what friction leaves in the motor's torque, {_FOR_ALL}.", ge=0)
+    friction: float | None = option(None, f"Of the friction that remains in the motor's torque, {_FOR_ALL}.", ge=0)
     loss_factor: float | None = option(None, f"Of the largest loss factor of the gear's hysteresis, {_FOR_ALL}.", ge=0)
     stiffness_relative_std: float | None = option(
         None, f"Of the joint's springs where no fit estimates them, {_FOR_ALL}.", ge=0
@@ -105,7 +105,7 @@ class JointNuisanceStd(Section):
     compliance: float | None = option(None, f"Of the compliance of bearings that the file lacks, {_FOR_ALL}.", ge=0)
     zero_deg: float | None = option(None, f"Of the joint's zero, {_FOR_ALL} [deg].", ge=0)
     chain_compliance: float | None = option(
-        None, f"Of the share of the gear's fitted compliance that is not its own, {_FOR_ALL}.", ge=0
+        None, f"Of the share of the gear's fitted compliance that belongs to other parts, {_FOR_ALL}.", ge=0
     )
 
     def over(self, robot: NuisanceStd) -> NuisanceStd:
@@ -127,15 +127,15 @@ class StiffnessOver(Section):
         None, "Table: angles of a revolute joint, ascending, over all of its range [deg]."
     )
     factors: Annotated[tuple[Annotated[float, Field(gt=0)], ...], Field(min_length=2)] | None = option(
-        None, "Table: what the stiffness is multiplied by at each of these; monotone cubics lie between."
+        None, "Table: factor on the stiffness at each of these positions, with monotone cubics in between."
     )
     stiffness: Coefficients | None = option(
         None, "In place of a table: the factor as a polynomial of the position [m, or rad], constant first."
     )
     compliance: Coefficients | None = option(
         None,
-        "In place of a table: one over the factor as such a polynomial. Springs in series of which one"
-        " grows with the position, as a screw from its fixed bearing to the nut, are `[1, slope]`.",
+        "In place of a table: one over the factor as such a polynomial. Use `[1, slope]` for springs in series "
+        "of which one grows with the position, as a screw from its fixed bearing to the nut.",
     )
 
     @property
@@ -180,8 +180,8 @@ class SpringDamper(Assumed):
     )
     stiffness_over: StiffnessOver | None = option(
         None,
-        "How the stiffness, its cubic part with it, depends on a joint's position: what the numbers above"
-        " are multiplied by. The damping does not.",
+        "Dependence of the stiffness and its cubic part on a joint's position, as a factor on the numbers "
+        "above. The damping does not depend on it.",
     )
 
     def value(self, kind: str, *, linear: bool) -> float | None:

@@ -26,7 +26,7 @@ class PinSection(Section):
     """Where a link that closes a loop is held."""
 
     point_m: Vector = Field(description="The point on this link, in its frame [m].")
-    joint: Name = Field(description="Joint whose link holds it.")
+    joint: Name = Field(description="Joint whose link carries it.")
     held_point_m: Vector = Field(description="The same point on that link, in its frame [m].")
 
 
@@ -37,12 +37,12 @@ class LoopLinkSection(Assumed):
     parent: Name | None = option(None, "Joint or loop link, listed before, that carries it; the base when not given.")
     frame: Frame = group(Frame, "Its frame at zero angle, its axis along z, in the frame of that link.")
     turns: dict[Name, float] = Field(
-        description="How far it turns against what carries it per turn of each joint, by the joint's name; the sum of"
-        " the angles in a parallelogram stays the same, so that these are mostly 1 and -1."
+        description="Its turns against the part that carries it, per turn of each joint, by the joint's name. "
+        "In a parallelogram the sum of the angles is constant, so these are mostly 1 and -1."
     )
     offset_deg: float = option(0.0, "Its angle where all joints are at zero [deg].")
     link: Body = Field(description="Its mass properties, in its frame.")
-    pin: PinSection | None = option(None, "Where it closes the loop; the file is refused where it does not close.")
+    pin: PinSection | None = option(None, "Point that closes the loop; robid refuses a file whose loop does not close.")
 
     def loop_link(self, joints: Sequence[JointSection], base: FloatArray) -> LoopLink:
         """Returns the plain description, in joint frames; `base` (3, 3) is the orientation of the base in the world."""
@@ -74,53 +74,49 @@ SET_DATA_FOLDER = f"set ROBID_DATA to the folder that `{DATA_VARIABLE}` stands f
 class RobotFile(Assumed):
     """A robot file."""
 
-    schema_version: Literal[1, 2] = Field(description="Version of this format; 1 and 2 say the same of a robot.")
+    schema_version: Literal[1, 2] = Field(description="Version of this format; 1 and 2 are the same for a robot.")
     name: str = Field(description="Name of the robot.", min_length=1)
     notes: tuple[str, ...] = option((), "Sources and gaps that the reader must know.")
     gravity_m_s2: Vector = option((0.0, 0.0, -9.81), "Gravity in the world frame [m/s^2].")
     base_rpy_deg: Vector = option((0.0, 0.0, 0.0), "Turns of the base about the world's x, then y, then z axis [deg].")
     floor_m: float | None = option(
         None,
-        "Height of the floor in the world frame: configurations that take a joint, a link's or the"
-        " payload's centre of mass below it are out of reach [m].",
+        "Height of the floor in the world frame. Configurations that take a joint, a link's or the payload's "
+        "centre of mass below it are out of reach [m].",
     )
     rotor: Literal["spong", "on_link"] = option(
         "spong", "Whether the rotors' motion with the links is neglected or not."
     )
     controller: Controller | None = option(None, "The controller of a simulated robot.")
     pose_interface: PoseInterface | None = option(
-        None, "How the controller takes commands of the tool's pose, and reports it."
+        None, "How the controller receives commands of the tool's pose, and reports it."
     )
     model: str | None = option(
         None,
-        "A rigid MJCF or URDF that brings frames, links and limits; `${ROBID_DATA}` stands for the data "
-        "folder, other paths start at this file.",
+        "A rigid MJCF or URDF with frames, links and limits. `${ROBID_DATA}` is the data folder; other paths "
+        "start at this file.",
     )
     locked_deg: dict[str, float] = group(dict, "Joints of `model` that do not move, with their angles [deg].")
     locked_m: dict[str, float] = group(dict, "Prismatic joints of `model` that do not move, with their positions [m].")
     locked: Literal["rest"] | None = option(
         None,
-        "`rest`: all joints of `model` that are named neither in `joints` nor above do not move: they stay"
-        " where the model has them at rest, at 0, or in the middle of their limits where these leave that out.",
+        "`rest`: all joints of `model` that are named neither in `joints` nor above do not move. They stay at "
+        "the model's rest position, at 0, or in the middle of their limits where these exclude 0.",
     )
     flange: str | None = option(
         None, "Body or site of `model` in whose frame the payload is given; else the last link."
     )
-    total_mass_kg: float | None = option(
-        None, "Mass of all links that move, payload excluded: stated to be checked [kg].", gt=0
-    )
+    total_mass_kg: float | None = option(None, "Mass of all links that move, payload excluded, as a check [kg].", gt=0)
     joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1)
     springs: tuple[SpringSection, ...] = option((), "The spring-damper pairs.")
     payload: Body | None = option(None, "The payload, in the last link's frame.")
     base: Body | None = option(None, "What base springs carry beneath the first joint, in the world frame.")
     sensors: tuple[SensorSection, ...] = option((), "Sensors beyond motors and link encoders.")
     loop_links: tuple[LoopLinkSection, ...] = option(
-        (), "Links beside the chain, in closed loops; only rigid models know them."
+        (), "Links beside the chain, in closed loops; only rigid models contain them."
     )
 
-    doubts: NuisanceStd = group(
-        NuisanceStd, "How far the file may be off in what no data sheet states; 0 for what is sure."
-    )
+    doubts: NuisanceStd = group(NuisanceStd, "Standard deviations of errors of the file; 0 means no error.")
 
     # Axes of the frames that a `model` states links in, and the payload's after them, in those of the joints
     _model_axes: list[list[list[float]]] | None = PrivateAttr(None)

@@ -49,12 +49,12 @@ class FrictionSection(Assumed):
     """LuGre friction of a motor, motor side."""
 
     viscous_nms_rad: float = option(0.0, "Viscous coefficient [N m s/rad].", ge=0)
-    coulomb_nm: float = option(0.0, "Coulomb level [N m].", ge=0)
+    coulomb_nm: float = option(0.0, "Coulomb torque [N m].", ge=0)
     static_nm: float | None = option(
-        None, "Breakaway level, not below the Coulomb level; that level when not given [N m].", ge=0
+        None, "Breakaway torque, not below the Coulomb torque; the latter when not given [N m].", ge=0
     )
     stribeck_rad_s: float = option(1.0, "Stribeck speed [rad/s].", gt=0)
-    presliding_rad: float = option(0.02, "Bristle deflection at the Coulomb level [rad].", gt=0)
+    presliding_rad: float = option(0.02, "Bristle deflection at the Coulomb torque [rad].", gt=0)
     relative_std: float = option(0.1, "Standard deviation of the relative error of the coefficients.", ge=0)
 
     def friction(self) -> Friction:
@@ -71,8 +71,9 @@ class MotorSection(Assumed):
     gear_ratio: float | None = option(None, "Motor turns per arm turn, negative where the two turn opposite ways.")
     gear_ratio_rad_m: float | None = option(
         None,
-        "Of a prismatic joint, in place of `gear_ratio`: motor radians per metre, 2 pi over the lead of a"
-        " screw or gear ratio over the radius of a pinion; negative where the motor turns the other way [rad/m].",
+        "Of a prismatic joint, in place of `gear_ratio`: motor radians per metre [rad/m]. It is 2 pi over the "
+        "lead of a screw, or gear ratio over the radius of a pinion; negative where the motor turns the other "
+        "way.",
     )
     max_speed_rad_s: float | None = option(
         None, "Speed limit; that of `model` when not given, not needed where there are only logs [rad/s].", gt=0
@@ -82,12 +83,12 @@ class MotorSection(Assumed):
     )
     torque_constant_nm_a: float | None = option(
         None,
-        "Torque per ampere, where it is known: logs are told from it whose currents are read as torques [N m/A].",
+        "Torque per ampere, where it is known. It shows which logs have currents that are read as torques [N m/A].",
         gt=0,
     )
     rated_torque_nm: float | None = option(
         None,
-        "Rated (continuous) torque; a tenth of it is the least that errors of the motor's torque are related to [N m].",
+        "Rated (continuous) torque. Errors of the motor's torque are relative to at least a tenth of it [N m].",
         gt=0,
     )
     friction: FrictionSection = group(FrictionSection, "Nominal friction.")
@@ -137,21 +138,21 @@ class JointSection(Assumed):
         "Arm turns of this joint per turn of another joint's motor, by that joint's name; of a"
         " prismatic joint metres per motor radian.",
     )
-    link: Body | None = option(None, "The link, in its frame; `model` brings it.")
+    link: Body | None = option(None, "The link, in its frame; not stated where `model` contains it.")
     torque_measured_at: TorquePlace = option(
         "motor",
-        "`joint` where a sensor behind the gear measures the torque: the joint then has no `motor`, whose"
-        " rotor such a sensor does not feel; only rigid models know it.",
+        "`joint` where a sensor behind the gear measures the torque. The joint then has no `motor`, because "
+        "such a sensor does not measure the rotor; only rigid models support it.",
     )
-    motor: MotorSection | None = option(None, "The motor and its gear; needed but with `torque_measured_at: joint`.")
+    motor: MotorSection | None = option(None, "The motor and its gear; required unless `torque_measured_at: joint`.")
     gear: GearSection | None = option(None, "The transmission; or an entry among `springs`.")
     counterbalance: CounterbalanceSection | None = option(
-        None, "What takes gravity off the motor; rigid models and simulations know it."
+        None, "Device that carries gravity in place of the motor; rigid models and simulations contain it."
     )
     arm_viscous_nms_rad: float = option(
         0.0,
-        "Viscous friction of the link on what carries it, behind the transmission: of bearings, seals, a"
-        " load motor; arm side [N m s/rad].",
+        "Viscous friction of the link against the part that carries it, behind the transmission: of bearings, "
+        "seals, a load motor; arm side [N m s/rad].",
         ge=0,
     )
     arm_viscous_ns_m: float = option(0.0, "Of a prismatic joint, in place of `arm_viscous_nms_rad` [N s/m].", ge=0)
@@ -213,25 +214,26 @@ class SpringSection(SpringDamper):
     name: Name = Field(description="Name of the spring.")
     joint: Name | None = option(None, "Name of the joint it belongs to; springs of the base and the payload have none.")
     place: Literal["transmission", "shaft", "bearing", "split", "base", "payload"] = Field(
-        description="Between motor and arm, between the motor and its transmission, about a further axis of the joint,"
-        " inside the joint's link, beneath the first joint, or between the last link and the payload."
+        description="`transmission`: between motor and arm. `shaft`: between the motor and its transmission. "
+        "`bearing`: about a further axis of the joint. `split`: inside the joint's link. `base`: "
+        "beneath the first joint. `payload`: between the last link and the payload."
     )
     axis: Vector | None = option(
         None,
-        "Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis), it does not turn with the joint;"
-        " of a prismatic joint it rides on the link. Split: in the link's frame. Payload: in the payload's. Base: in"
-        " the world frame. A transmission and a shaft have none.",
+        "Axis. Bearing: in the joint frame at zero joint angle (z is the joint axis). It does not turn with "
+        "the joint; of a prismatic joint it moves with the link. Split: in the link's frame. Payload: in the "
+        "payload's. Base: in the world frame. A transmission and a shaft have none.",
     )
     point_m: Vector | None = option(
         None,
-        "Where the link is split, or the payload or the base is hinged (their frame's origin when not "
-        "given), in the same frame as the axis [m].",
+        "Point where the link is split, or the hinge of payload or base (their frame's origin when not given), "
+        "in the same frame as the axis [m].",
     )
     outboard: Body | None = option(None, "Split only: the part of the link beyond the split, in the link's frame.")
     inertia_kgm2: float | None = option(
         None,
-        "Shaft only: inertia that it turns, motor side as its stiffness and damping; shafts of a joint"
-        " follow each other as they are listed, from the motor on [kg m^2].",
+        "Shaft only: inertia that it turns, on the motor side like its stiffness and damping. Shafts of a "
+        "joint follow each other as listed, starting at the motor [kg m^2].",
         gt=0,
     )
 
@@ -273,7 +275,7 @@ class SensorSection(Assumed):
         description="A point's position, or its acceleration less gravity, along an axis."
     )
     joint: Name | None = option(None, "Joint whose link carries it, on its outermost part; the payload when not given.")
-    point_m: Vector = option((0.0, 0.0, 0.0), "Where it sits, in the link's frame, or the payload's [m].")
+    point_m: Vector = option((0.0, 0.0, 0.0), "Its position, in the link's frame, or the payload's [m].")
     axis: Vector = Field(description="Axis. Tracker: in the world frame. Accelerometer: in the frame of the point.")
 
     def sensor(self, joints: tuple[JointSection, ...]) -> Sensor:

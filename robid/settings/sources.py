@@ -108,8 +108,9 @@ class Acquire(LogOptions):
     """Measured logs and what their variables mean."""
 
     file: str = Field(
-        description="The log; `${ROBID_DATA}` stands for the data folder, other paths start at the experiment file;"
-        " `{configuration}`, `{realization}` and `{experiment}` for their numbers, from 1."
+        description="The log. `${ROBID_DATA}` is the data folder; other paths start at the experiment file. "
+        "`{configuration}`, `{realization}` and `{experiment}` are replaced by their numbers, from "
+        "1."
     )
 
     def log_path(self, folder: Path, configuration: int = 0, realization: int = 0, experiment: int = 0) -> Path:

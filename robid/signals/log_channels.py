@@ -59,21 +59,23 @@ class LogChannel:
     )
     variable: str = field(
         metadata={
-            "description": "Name of the variable in the log, or a weighted sum of some, as `q2 + q3` or `0.5*a - 2*b`:"
-            " unit, scale and sign are those of the sum, `unwrap` and `time` of each variable."
+            "description": "Name of the variable in the log, or a weighted sum of some, as `q2 + q3` or `0.5*a "
+            "- 2*b`. Unit, scale and sign are those of the sum, `unwrap` and `time` those of "
+            "each variable."
         }
     )
     unit: UnitName = field(default="rad", metadata=_UNIT)
     sign: Literal[1, -1] = option(1, "Sign that turns the log's direction into the joint's.")
     scale: float = option(1.0, "Factor from the log's numbers to the unit, as for raw numbers.", gt=0)
-    quantity: QuantityName | None = option(None, "What it is; what its unit says when not given.")
+    quantity: QuantityName | None = option(None, "Quantity of the channel; from its unit when not given.")
     side: Side | None = option(None, "Side that it belongs to; `arm` for `<joint>.arm`, else `motor` when not given.")
     counts_per_turn: float | None = option(None, "Counts of one turn, of a rotation in counts.", gt=0)
     resolution_m: float | None = option(None, "Length of one count, of a translation in counts [m].", gt=0)
     unwrap: bool | float | None = option(
         None,
-        "Whether jumps by a turn are taken out, as from 180 to -180 degrees; of a tool's angles when not given. A"
-        " number is the range after which the log's numbers begin again, as 65536 of a counter of 16 bits.",
+        "Whether jumps by a turn are removed, as from 180 to -180 degrees; done for a tool's angles when not "
+        "given. A number is the range after which the log's numbers start again, as 65536 for a counter of 16 "
+        "bits.",
     )
     file: str | None = option(None, "Its log, written as `file` above, where a recording has several.")
     time: str | None = option(
@@ -166,8 +168,13 @@ class InputChannel(LogChannel):
         None, "Torque constant K_t of a current; 1 with `normalised` [N m/A].", gt=0
     )
     torque_constant_relative_std: float = option(0.0, "Relative standard deviation of the torque constant.", ge=0)
-    normalised: bool = option(False, "The current stands for the torque: every result is a ratio to K_t.")
-    hold: Literal["zoh", "band_limited"] = option("zoh", "A command held for a sample, or measured like the outputs.")
+    normalised: bool = option(False, "The current replaces the torque, and every result is a ratio to K_t.")
+    hold: Literal["zoh", "band_limited"] = option(
+        "zoh",
+        "Course between samples: `zoh`, a command constant "
+        "over a sample, or `band_limited`, measured like the "
+        "outputs.",
+    )
 
     @property
     def is_current(self) -> bool:
@@ -231,12 +238,13 @@ def input_problems(inputs: tuple[InputChannel, ...]) -> list[str]:
 class OutputChannel(LogChannel):
     """What was measured: an angle, a position, a speed or an acceleration."""
 
-    zero: float = option(0.0, "The log's number where all joints are in their zero positions, in its own unit.")
+    zero: float = option(0.0, "The log's number when all joints are in their zero positions, in its own unit.")
     sampled: SampledName = option(
         "instants",
-        "What its samples are: values at their `instants`; of a speed, the `difference` of a"
-        " position from the sample before, or the `central_difference` across both neighbours; or values"
-        " `filtered` against aliasing, so that nothing above half the sampling rate is in them.",
+        "Kind of its samples. `instants`: values at their instants. `difference`: of a speed, the difference "
+        "of a position from the sample before. `central_difference`: the same across both neighbours. "
+        "`filtered`: values filtered against aliasing, so that they contain nothing above half the sampling "
+        "rate.",
     )
 
     @property

@@ -23,22 +23,22 @@ class Dialect:
     delimiter: str | None = field(
         default=None,
         metadata={
-            "description": "What separates the columns: one character, `tab`, or `whitespace` for any number of spaces"
-            " and tabs. Told from the table when not given.",
+            "description": "Separator of the columns: one character, `tab`, or `whitespace` for any number of "
+            "spaces and tabs. Recognised from the table when not given.",
             "pattern": r"^([^\w\s.+\-]|tab|whitespace)$",
         },
     )
-    decimal: Literal[".", ","] | None = option(None, "Decimal mark; told from the table when not given.")
+    decimal: Literal[".", ","] | None = option(None, "Decimal mark; recognised from the table when not given.")
     header_line: int | None = option(
         None,
-        "Line of the column names, counted from 1; 0 where there is none and columns are named by"
-        " their numbers, from 1. Told from the table when not given.",
+        "Line of the column names, counted from 1; 0 if there is none and numbers from 1 name the columns. "
+        "Recognised from the table when not given.",
         ge=0,
     )
-    comments: tuple[str, ...] = option(("#", "%"), "What lines begin with that are passed over.")
+    comments: tuple[str, ...] = option(("#", "%"), "Beginning of lines that are skipped.")
     encoding: str | None = option(
         None,
-        "Encoding of the text, as `shift_jis`; what its first bytes say, UTF-8 or else Windows-1252 when not given.",
+        "Encoding of the text, as `shift_jis`. When not given: what its first bytes state, UTF-8 or else Windows-1252.",
     )
 
     @property
@@ -88,43 +88,46 @@ class PoseOptions:
 class LogOptions:
     """What the variables of a log mean, and which part of it is used."""
 
-    format: LogFormat | None = option(None, "Format of the log; told from the file when not given.")
-    dialect: Dialect = option(Dialect(), "How a table of text is written; told from it when not given.")
+    format: LogFormat | None = option(None, "Format of the log; recognised from the file when not given.")
+    dialect: Dialect = option(Dialect(), "Format of a text table; recognised from the table when not given.")
     sampling_period_s: float = field(
         metadata={
-            "description": "Sampling period of the log [s]: the controller's cycle, or what the recorder was set to.",
+            "description": "Sampling period of the log [s]: the controller's cycle, or the setting of the recorder.",
             "gt": 0,
         }
     )
     inputs: tuple[InputChannel, ...] = field(
-        metadata={"description": "What drives the robot: motor torques in the order of the joints.", "min_length": 1}
+        metadata={
+            "description": "Signals that drive the robot: motor torques in the order of the joints.",
+            "min_length": 1,
+        }
     )
-    outputs: tuple[OutputChannel, ...] = field(metadata={"description": "What was measured.", "min_length": 1})
+    outputs: tuple[OutputChannel, ...] = field(metadata={"description": "Measured signals.", "min_length": 1})
     references: tuple[ReferenceChannel, ...] = option(
         (),
-        "What the motors were told, in the order of the joints; the excitation is then designed"
-        " here, and each log is matched to it.",
+        "Commands of the motors, in the order of the joints. The excitation is then designed here, and each "
+        "log is matched to it.",
     )
     pose: PoseOptions | None = option(None, "Which channels are absolute poses of the tool.")
     time: TimeChannel | None = option(None, "The log's own time, if it has one.")
     resample: Literal["time", "period"] | None = option(
         None,
-        "What clock the samples are brought to by interpolation: `time`, the log's own, in steps of"
-        " `sampling_period_s`; `period`, the generator's, so that a measured period has its stated samples.",
+        "Clock to which interpolation brings the samples. `time`: the log's own, in steps of "
+        "`sampling_period_s`. `period`: the generator's, so that a measured period has its stated samples.",
     )
     drop_periods: int = option(0, "Periods dropped at the start of the log.", ge=0)
     one_shot: bool = option(
         False,
-        "The log does not repeat, as a trajectory: it is read whole, without excitation, periods and"
-        " frequency response.",
+        "The log does not repeat, as a trajectory. It is read whole, without excitation, periods and frequency "
+        "response.",
     )
     from_s: float = option(
         0.0,
-        "From where on the log is used, since its first sample, by its own time where it has one;"
-        " periods are counted from there [s].",
+        "Start of the used part, counted from the log's first sample, by the log's own time if it has one. "
+        "Periods count from here [s].",
         ge=0,
     )
-    to_s: float | None = option(None, "Up to where it is used; to its end when not given [s].", gt=0)
+    to_s: float | None = option(None, "End of the used part; the end of the log when not given [s].", gt=0)
     take: Literal["first", "last"] = option(
         "first", "Which whole periods are used: the first after those dropped, or the last."
     )

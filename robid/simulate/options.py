@@ -34,7 +34,7 @@ class PoseInterface:
     delay_samples: int = option(1, "Transport delay of the commands, in samples of the interface.", ge=0)
     moving_average: int = option(1, "Samples over which commands are averaged; 1 is none.", ge=1)
     speed_feedforward: float = option(
-        0.0, "Share of the commanded motor speed that the speed loops are told.", ge=0, le=1
+        0.0, "Share of the commanded motor speed that the speed loops receive.", ge=0, le=1
     )
     resolution_m: float = option(1e-5, "Step of reported positions; 0 for none [m].", ge=0)
     resolution_rad: float = option(
@@ -44,8 +44,8 @@ class PoseInterface:
     noise_rad: float = option(0.0, "Standard deviation of the noise of reported angles, before rounding [rad].", ge=0)
     external_axes: tuple[str, ...] = option(
         (),
-        "Prismatic joints that carry the robot's root and have commands of their own, the first of the chain; a single"
-        " one is the channel R, several go by their names.",
+        "Prismatic joints that carry the robot's root and have their own commands, the first of the chain. A "
+        "single one is the channel R; several have their names.",
     )
     tool_m: tuple[float, float, float] = option((0.0, 0.0, 0.0), "Tool point in the last link's frame [m].")
     tool_abc_deg: tuple[float, float, float] = option(
@@ -75,24 +75,23 @@ class Imperfections:
     ripple: bool = option(False, "Torque ripple as the robot file gives it.")
     friction: Literal["none", LawName] = option(
         "none",
-        "Law of the motor friction inside the integrator; without memory: `tanh`, the Coulomb level reached over the"
-        " Stribeck speed, and `stribeck`, the Stribeck curve.",
+        "Law of the motor friction inside the integrator. Without memory: `tanh`, which reaches the Coulomb "
+        "torque over the Stribeck speed, and `stribeck`, the Stribeck curve.",
     )
     load_friction: float = option(
         0.0,
-        "Growth of the motors' Coulomb and breakaway levels with their gear's load, over that load on the motor side.",
+        "Growth of the motors' Coulomb and breakaway torques with their gear's load, over that load on the motor side.",
         ge=0,
     )
     friction_asymmetry: float = option(
         0.0,
-        "Share by which the motors' levels of friction are higher in the positive direction, and lower in the negative"
-        " one.",
+        "Share by which the motors' friction is higher in the positive direction, and lower in the negative one.",
         gt=-1,
         lt=1,
     )
     viscous_drift: float = option(
         1.0,
-        "Viscous friction of the motors of a robot that is warm over that in a campaign's first configuration.",
+        "Viscous friction of the motors of a warm robot over that in a campaign's first configuration.",
         gt=0,
     )
     drift_configurations: float = option(
@@ -119,7 +118,9 @@ class Imperfections:
     backlash_m: float = option(0.0, "Backlash of prismatic joints' transmissions [m].", ge=0)
     hysteresis_nm: float = option(0.0, "Arm-side hysteresis torque of the transmissions [N m].", ge=0)
     hysteresis_n: float = option(0.0, "Hysteresis force of prismatic joints' transmissions [N].", ge=0)
-    unmodelled_payload_kg: float = option(0.0, "Payload mass the model does not know; below 0 it knows too much [kg].")
+    unmodelled_payload_kg: float = option(
+        0.0, "Payload mass that the model lacks; negative if the model has too much [kg]."
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,8 +128,8 @@ class Truth:
     """How the simulated robot differs from the robot file: seeded deviations, and what is stated one by one."""
 
     spring_factor: float = option(1.0, "Springs and dampers are multiplied log-uniformly by up to this factor.", ge=1)
-    damper_factor: float | None = option(None, "Factor of the dampers where it is not that of the springs.", ge=1)
-    keep: tuple[str, ...] = option((), "Names of springs that stay as the robot file has them.")
+    damper_factor: float | None = option(None, "Factor of the dampers if it differs from that of the springs.", ge=1)
+    keep: tuple[str, ...] = option((), "Names of springs that keep the robot file's values.")
     friction_relative: float = option(0.0, "Friction coefficients deviate uniformly by up to this share.", ge=0, lt=1)
     seed: int = option(1, "Seed of the deviations.", ge=0)
     rotor_inertia_factor: dict[str, float] = field(
@@ -152,33 +153,33 @@ class Truth:
     couplings: dict[str, dict[str, float]] = field(
         default_factory=dict,
         metadata={
-            "description": "Arm turns per turn of another joint's motor that come to those of the robot file, by joint"
-            " and by that joint's name."
+            "description": "Arm turns per turn of another joint's motor, added to those of the robot file, by "
+            "joint and by that joint's name."
         },
     )
     counterbalance_nm: dict[str, tuple[float, float]] = field(
         default_factory=dict,
         metadata={
-            "description": "Torque on the arm of a revolute joint that the robot file lacks, by joint: what the sine"
-            " and the cosine of its angle are multiplied by [N m]."
+            "description": "Torque on the arm of a revolute joint that the robot file lacks, by joint: "
+            "coefficients of the sine and the cosine of its angle [N m]."
         },
     )
     zero_deg: dict[str, float] = field(
         default_factory=dict,
-        metadata={"description": "True less shown angle of joints that turn, by joint: zeros that are off [deg]."},
+        metadata={"description": "True minus reported angle of revolute joints, by joint: errors of the zero [deg]."},
     )
     late_torque_s: dict[str, float] = field(
         default_factory=dict,
         metadata={
-            "description": "By how much later than the others' a motor's torque acts, by joint; parts of a sample too"
-            " [s]."
+            "description": "Delay of a motor's torque relative to the others, by joint; fractions of a sample "
+            "are possible [s]."
         },
     )
     late_angle_s: dict[str, float] = field(
         default_factory=dict,
         metadata={
-            "description": "By how much later than the others' a motor's angle is read, by joint; parts of a sample too"
-            " [s]."
+            "description": "Delay of a motor's angle relative to the others, by joint; fractions of a sample "
+            "are possible [s]."
         },
     )
     torque_constant_factor: dict[str, float] = field(
@@ -204,7 +205,7 @@ class SimulateOptions:
     transient_periods: int = option(1, "Periods dropped before recording.", ge=0)
     measured_pose: Literal["motors", "tool"] = option(
         "motors",
-        "Of a `pose_chirp`: the pose that motor encoders and rigid arm give, as controllers report it, or where the"
-        " tool truly is, seen from the carriage of the rail.",
+        "Of a `pose_chirp`: the pose from motor encoders and the rigid arm, as controllers report it, or the "
+        "true pose of the tool, relative to the carriage of the rail.",
     )
     seed: int = option(1, "Seed of the noise.", ge=0)

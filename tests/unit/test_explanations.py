@@ -7,6 +7,7 @@ from dataclasses import fields
 import pytest
 from ruamel.yaml import YAML
 
+import words
 from message_codes import codes_written
 from robid.cli import run_command
 from robid.commands.explain import LETTERS, Explanation, codes_explained, explanation, read_texts
@@ -46,6 +47,16 @@ def test_each_explanation_has_three_short_texts(letter):
         assert all(isinstance(one, str) and one.strip() and "{}" not in one for one in entry.values()), code
         assert sum(map(len, entry.values())) < LONGEST, code
         assert len(set(entry.values())) == len(PARTS), code
+
+
+@pytest.mark.parametrize("letter", LETTERS)
+def test_explanations_have_short_sentences_and_no_retired_word(letter):
+    entries = YAML(typ="safe", pure=True).load(read_texts(letter))
+    texts = [(code, text) for code, entry in entries.items() for text in entry.values()]
+    assert [(code, found) for code, text in texts if (found := words.uses(text))] == []
+    assert [
+        (code, one) for code, text in texts for one in words.sentences(text) if words.words(one) > words.LONGEST
+    ] == []
 
 
 def test_one_code_is_read_as_in_the_whole_file():

@@ -6,27 +6,17 @@ import words
 from settings_tables import ROOT
 
 LONG_SHARE = 0.05  # of sentences over words.LONGEST words
-NOT_DONE = (  # pages and folders that have not been rewritten; a page that is leaves the list
-    "docs/reference/experiment-file.md",
-    "docs/reference/robot-file.md",
-    "docs/reference/studies.md",
-)
-DONE = [page for page in words.documents() if not str(page.relative_to(ROOT)).startswith(NOT_DONE)]
+PAGES = words.documents()
 
 
 def test_few_sentences_of_the_pages_are_long():
-    long, every = zip(*(words.long_sentences(page) for page in DONE), strict=True)
+    long, every = zip(*(words.long_sentences(page) for page in PAGES), strict=True)
     assert sum(map(len, long)) <= LONG_SHARE * sum(every), [one for page in long for one in page]
 
 
-@pytest.mark.parametrize("page", DONE, ids=lambda page: str(page.relative_to(ROOT)))
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
 def test_pages_use_no_retired_word(page):
     assert words.uses(words.prose(page)) == []
-
-
-@pytest.mark.parametrize("name", NOT_DONE)
-def test_pages_that_are_not_done_exist(name):
-    assert (ROOT / name).exists()
 
 
 def test_sentences_and_retired_words_are_counted(tmp_path):

@@ -24,16 +24,16 @@ class DesignOptions:
     count: int = option(8, "Number of different configurations to choose, at most.", ge=1)
     criterion: Literal["d", "a", "e"] = option(
         "d",
-        "What is made small: the volume of the parameters' confidence region (`d`), the sum of their relative"
-        " variances (`a`), or the largest variance of any combination (`e`).",
+        "Minimised quantity: the volume of the parameters' confidence region (`d`), the sum of their relative "
+        "variances (`a`), or the largest variance of any combination (`e`).",
     )
     experiments: int | None = option(
         None, "Visits to share out among the chosen configurations, repeats allowed; one each when not given.", ge=1
     )
     budget: float | None = option(
         None,
-        "What all visits may cost together, in the unit of the candidates' costs; as many times their mean as there"
-        " are visits when not given.",
+        "Largest total cost of all visits, in the unit of the candidates' costs. When not given, the number of "
+        "visits times the mean cost.",
         gt=0,
     )
     restarts: int = option(4, "Random starts of the exchange.", ge=0)
@@ -47,11 +47,12 @@ class DesignWeights:
     """Weights of the response's elements in a design."""
 
     off_diagonal: float = option(1.0, "Weight of off-diagonal elements, diagonal is 1.", ge=0)
-    low_cut_hz: float = option(0.0, "Lines below get no weight [Hz].", ge=0)
+    low_cut_hz: float = option(0.0, "Lines below have no weight [Hz].", ge=0)
     mean: Literal["importance", "fit"] = option(
         "importance",
-        "They multiply the inverse covariance, or they are the user weights that a fit will have, scaled and cut at 10"
-        " dB as in the fit: the choice is then made for the covariance of that fit.",
+        "`importance`: the weights multiply the inverse covariance. `fit`: they are the user weights that a "
+        "fit will have, scaled and cut at 10 dB as in the fit. The choice is then made for the covariance of "
+        "that fit.",
     )
 
 
@@ -75,28 +76,29 @@ class InformationOptions:
 
     information: Literal["assumed", "measured"] = option(
         "assumed",
-        "By the same relative error of every response element, or by the responses of the campaign and their"
-        " covariance; the campaign is measured or simulated first.",
+        "`assumed`: the same relative error of every response element. `measured`: the responses of the "
+        "campaign and their covariance; the campaign is measured or simulated first.",
     )
     assumed_relative_error: float = option(0.03, "Assumed relative standard deviation of each response element.", gt=0)
-    model_error: float = option(0.0, "Relative model error that measured information allows for, besides.", ge=0)
+    model_error: float = option(0.0, "Additional relative model error that measured information allows for.", ge=0)
     between_relative_std: BetweenRelativeStd = group(
         BetweenRelativeStd,
-        "How far parameters differ from one configuration to another: no number of visits to one of them tells more"
-        " than this allows. 0 for not at all.",
+        "Scatter of the parameters between configurations; it limits the information of repeated visits to one "
+        "configuration. 0 means no scatter.",
     )
-    free: tuple[LogarithmicKind, ...] = option(("stiffness", "damping"), "Kinds of parameters that are wanted.")
+    free: tuple[LogarithmicKind, ...] = option(("stiffness", "damping"), "Kinds of wanted parameters.")
     nuisance: tuple[NuisanceKind, ...] | None = option(
         None,
-        "Kinds that are estimated along, in each configuration; with `mean: fit` once for all. When not given, what"
-        " the fit under `fit` estimates beside `free`; without one, `viscous`, `motor_inertia` and `delay`.",
+        "Kinds of nuisance parameters, estimated in each configuration; with `mean: fit` once for all. When "
+        "not given: what the fit under `fit` estimates in addition to `free`; without a fit, `viscous`, "
+        "`motor_inertia` and `delay`.",
     )
     fixed: tuple[str, ...] = option((), "Names of single parameters that are known, as in a fit.")
     weights: DesignWeights = group(DesignWeights, "Weights of the response's elements.")
     draws: int = option(
         1,
-        "Draws of the unknown springs and dampers that the criterion is averaged over; 1 takes the robot file's"
-        " values.",
+        "Draws of the unknown springs and dampers over which the criterion is averaged; 1 uses the robot "
+        "file's values.",
         ge=1,
     )
     draw_factor: float = option(1.5, "The draws are log-uniform within this factor.", gt=1)
@@ -116,7 +118,7 @@ class CostOptions:
 
     cost: Literal["equal", "travel"] = option(
         "equal",
-        "Every visit the same, or the seconds of its experiments and of the way from the campaign's first"
-        " configuration.",
+        "Equal for every visit, or the seconds of its experiments and of the way from the campaign's first "
+        "configuration.",
     )
     joint_speed_share: float = option(0.3, "Share of the joints' largest speed at which the robot travels.", gt=0, le=1)

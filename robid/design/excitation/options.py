@@ -12,7 +12,7 @@ from robid.arrays import IntArray, option
 from robid.signals.pose import ANGLES
 
 FEWEST_LINES = 4  # Frequencies of a band below which there is no response to speak of
-_RESOLUTION = "Distance of the response's frequencies, and width of the band around each that is averaged [Hz]."
+_RESOLUTION = "Distance between the response's frequencies, and width of the band averaged around each [Hz]."
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,16 +63,17 @@ class ArbitraryOptions:
 
 
 _SIGNAL = {
-    "description": "Kind of signal; a chirp excites all lines of the band, a stepped sine those near `count`"
-    " frequencies, a Fourier series has random phases and may begin and end at rest. A trajectory moves far, for rigid"
-    " dynamics. A pose chirp moves the tool, for position in and position out."
+    "description": "Kind of signal. A chirp excites all lines of the band, a stepped sine those near `count` "
+    "frequencies. A Fourier series has random phases and may begin and end at rest. A "
+    "trajectory moves far, for rigid dynamics. A pose chirp moves the tool, for position in and "
+    "position out."
 }
 _DEG = pi / 180
 _COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
 _LINES = {
-    "description": "In place of `count`, `spacing` and `detection_share`: `all` lines of the band on the `grid`;"
-    " `found`, those of them that a log shows to be excited; or a list of their numbers, in cycles per period, whatever"
-    " band and grid are."
+    "description": "In place of `count`, `spacing` and `detection_share`. `all`: lines of the band on the "
+    "`grid`. `found`: those of them that a log shows to be excited. Or a list of numbers, in "
+    "cycles per period, independent of band and grid."
 }
 _SPACING = {"description": "How the excited lines, or a stepped sine's frequencies, are spaced."}
 
@@ -108,8 +109,8 @@ class SignalOptions:
     seed: int = option(1, "Seed of the phases and detection lines.", ge=0)
     limit_share: float | None = option(
         None,
-        "Scales the RMS of all motors by one factor until this share of the nearest limit is reached; `rms` as given"
-        " when not set.",
+        "Scales the RMS of all motors by one factor until this share of the nearest limit is reached. When not "
+        "given, `rms` is used as it is.",
         gt=0,
         le=1,
     )
@@ -121,16 +122,16 @@ class SignalOptions:
     assumed_torque_noise_nm: float = option(0.05, "Torque disturbance per sample that the plan assumes [N m].", ge=0)
     slow_motion_rad_s: float = option(
         0.0,
-        "Peak motor speed of a slow motion that is added against Coulomb friction, scaled with the rest by"
-        " `limit_share`; 0 adds none [rad/s].",
+        "Peak motor speed of a slow motion added against Coulomb friction, which `limit_share` scales too; 0 "
+        "adds none [rad/s].",
         ge=0,
     )
     slow_motion_line: int = option(2, "Line of the slow motion, even; it and its multiples are never excited.", ge=2)
     travel: Travel | None = option(
         None,
-        "A large motion that the position reference tells one joint besides, wherever the excitation is injected;"
-        " limits of the excursion and `rms` do not count it. The campaign is then a record without a frequency"
-        " response.",
+        "An additional large motion of one joint by the position reference, wherever the excitation is "
+        "injected. Limits of the excursion and `rms` do not include it. The campaign is then a record without "
+        "a frequency response.",
     )
 
     decides_lines: ClassVar[tuple[str, ...]] = (
@@ -163,22 +164,21 @@ class MultisineOptions(ChosenLineOptions):
     )
     phase_starts: int = option(
         16,
-        "Random starts of the crest-factor search in a block: one per motor, the rest where it is worst; best of"
-        " random draws where `phase_iterations` is 0.",
+        "Random starts of the crest-factor search in a block: one per motor, the rest for the largest crest "
+        "factor. With `phase_iterations` 0, the best of random draws.",
         ge=1,
     )
     random_block_phases: bool = option(
         False,
-        "Random phases for each experiment and line of a block: it stays orthogonal, no signal repeats, and peaks are"
-        " higher.",
+        "Random phases for each experiment and line of a block. The block stays orthogonal, no signal repeats, "
+        "and peaks are higher.",
     )
     crest_at: Literal["reference", "reference_and_motion"] = option(
-        "reference", "Where the crest factor is kept low: at the reference, or at the predicted motor speed too."
+        "reference", "Where the crest factor is minimised: at the reference, or at the predicted motor speed too."
     )
     amplitude: Literal["flat", "sensitivity"] = option(
         "flat",
-        "Amplitudes of a motor's lines: all the same, or shaped by the information that each line carries about"
-        " springs and dampers.",
+        "Amplitudes of a motor's lines: equal, or shaped by the information of each line about springs and dampers.",
     )
 
 
@@ -228,8 +228,8 @@ class TrajectoryOptions:
     )
     criterion: Literal["d_optimal", "condition"] = option(
         "d_optimal",
-        "What is optimised: the information's determinant about the base parameters, or the condition number of the"
-        " regressor, each column over its size in random motions.",
+        "Optimised quantity: the determinant of the information about the base parameters, or the condition "
+        "number of the regressor with each column over its size in random motions.",
     )
     friction: Literal["none", "viscous", "coulomb", "asymmetric"] = option(
         "coulomb", "Friction of each motor that is among the parameters."
@@ -258,8 +258,8 @@ class PoseChirpOptions:
     signal: Literal["pose_chirp"] = field(default="pose_chirp", metadata=_SIGNAL)
     channels: tuple[str, ...] = option(
         (),
-        "Channels that are moved, in the order of the experiments: X, Y, Z, A, B, C of the tool, R of a rail or the"
-        " names of several external axes; all that the robot has when empty.",
+        "Channels that move, in the order of the experiments: X, Y, Z, A, B, C of the tool, R of a rail or the "
+        "names of several external axes. Empty: all channels of the robot.",
     )
     amplitude_mm: float | dict[str, float] = option(
         2.0, "Largest amplitude of lengths, one for all channels or by channel [mm]."

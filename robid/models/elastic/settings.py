@@ -24,8 +24,8 @@ class ElasticFit(FitSettings, ElasticOptions):
     family: Literal["elastic"] = Field(description="Family of the model.")
     rigid: Name | None = Field(
         default=None,
-        description="Name of a fit of family `rigid` whose masses, inertias and viscous friction take the place of the"
-        " robot file's; what it leaves open widens the intervals.",
+        description="Name of a fit of family `rigid` whose masses, inertias and viscous friction replace the "
+        "robot file's. What that fit does not determine widens the intervals.",
     )
 
     @property

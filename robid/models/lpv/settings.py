@@ -27,11 +27,11 @@ class LpvFit(FitSettings, LpvOptions):
 
     family: Literal["lpv"] = Field(description="Family of the model.")
     scheduling: tuple[str, ...] = Field(
-        description="What the model depends on: names of joints, or of outputs, whose mean counts.", min_length=1
+        description="Scheduling variables: names of joints, or of outputs, whose mean is used.", min_length=1
     )
     choose_on: Name | Annotated[tuple[Place, ...], Field(min_length=1)] = Field(
-        description="What only chooses the structure: one of the campaigns of `from`, or numbers, from 1, of the"
-        " configurations that the fit reads. No parameter is fitted to it."
+        description="Data that only choose the structure: one of the campaigns of `from`, or numbers, from 1, "
+        "of configurations that the fit reads. No parameter is fitted to them."
     )
     inputs: tuple[str, ...] = Field(default=(), description="Inputs of the model; all when empty.")
     outputs: tuple[str, ...] = Field(default=(), description="Outputs of the model; all when empty.")

@@ -28,20 +28,21 @@ class RigidOptions:
 
     friction: FrictionForm = option(
         "coulomb",
-        "Friction of each motor: `none`, `viscous`, `coulomb` (viscous and Coulomb), `asymmetric` (both for either"
-        " direction), `load` (viscous, and Coulomb that grows with the motor's torque), `quadratic` (viscous, Coulomb,"
-        " and what grows with the square of the speed).",
+        "Friction of each motor. `none`. `viscous`. `coulomb`: viscous and Coulomb. `asymmetric`: both for "
+        "either direction. `load`: viscous, and Coulomb that grows with the motor's torque. `quadratic`: "
+        "viscous, Coulomb, and a part that grows with the square of the speed.",
     )
     offsets: bool = option(True, "Whether each motor's torque has an offset.")
     motor_inertias: bool = option(True, "Whether rotors have inertia.")
     couplings: bool = option(
         True,
-        "Whether gears that several motors drive have inertia, viscous and, where the motors have it, Coulomb friction"
-        " of their own, which move with the arm.",
+        "Whether gears that several motors drive have their own inertia, viscous and, if the motors have it, "
+        "Coulomb friction, which move with the arm.",
     )
-    counterbalances: bool = option(True, "Whether the counterbalances of the robot file are there.")
+    counterbalances: bool = option(True, "Whether the model has the counterbalances of the robot file.")
     payload: PayloadForm = option(
-        "link", "Whether the payload is part of the last link (`link`) or a body with parameters of its own (`body`)."
+        "link",
+        "Whether the payload is part of the last link (`link`) or a separate body with its own parameters (`body`).",
     )
 
 
@@ -53,7 +54,7 @@ class BaseOptions:
     speed_rad_s: float = option(2.0, "Largest arm speed [rad/s, or m/s].", gt=0)
     acceleration_rad_s2: float = option(10.0, "Largest arm acceleration [rad/s^2, or m/s^2].", gt=0)
     threshold: float = option(
-        1e-8, "Columns, each scaled to 1, that lie nearer than this to the space of others are dependent.", gt=0, lt=1
+        1e-8, "Columns, each scaled to 1, that are nearer than this to the space of others are dependent.", gt=0, lt=1
     )
     seed: int = option(0, "Seed of the random configurations.", ge=0)
 

@@ -35,10 +35,8 @@ ScaleText = Annotated[str, StringConstraints(pattern=SCALE_PATTERN)]
 class Physics(Section):
     """What is simulated otherwise than the campaigns say."""
 
-    imperfections: dict[str, Any] = entry(
-        "`imperfections` that take the place of the campaigns'.", default_factory=dict
-    )
-    truth: dict[str, Any] = entry("`truth` that takes the place of the campaigns'.", default_factory=dict)
+    imperfections: dict[str, Any] = entry("`imperfections` that replace those of the campaigns.", default_factory=dict)
+    truth: dict[str, Any] = entry("`truth` that replaces that of the campaigns.", default_factory=dict)
 
 
 class UnitRobot(Section):
@@ -46,11 +44,13 @@ class UnitRobot(Section):
 
     experiment: str = entry("Experiment file, relative to this one.", min_length=1)
     fit: Name = entry("Name of its fit, of any family, with a campaign to validate on, both simulated.")
-    log: tuple[LogSignal, ...] = entry("What its logs hold beside time and motor torques.", ("angle",), min_length=1)
+    log: tuple[LogSignal, ...] = entry(
+        "Content of its logs in addition to time and motor torques.", ("angle",), min_length=1
+    )
     counts_per_turn: Positive = entry("Counts of one turn of a motor's encoder.", 65536)
     torque_constant_nm_a: Positive = entry("Torque constant of the motors, which the robot file states too [N m/A].")
     variants: tuple[Physics, ...] = entry(
-        "How true robots differ beside their seed, in what the model lacks too; seeds take turns.",
+        "Differences of true robots in addition to their seed, also in what the model lacks; seeds take turns.",
         (Physics(),),
         min_length=1,
     )
@@ -60,18 +60,18 @@ class UnitMistake(Section):
     """A unit or a scale of a log that is stated wrongly."""
 
     scale: ScaleText = entry(
-        "What is wrong: a channel, `x` where the values that are read are too large or `/` where they are"
-        " too small, and the factor."
+        "The mistake: a channel, `x` where the read values are too large or `/` where they are too small, and "
+        "the factor."
     )
-    one_joint: bool = entry("Whether it is that of one joint, by the seed; else of all.", False)
-    stamps: bool = entry("Whether the log has a time channel; else only its sampling period is stated.", True)
+    one_joint: bool = entry("Whether it affects one joint, chosen by the seed; else all.", False)
+    stamps: bool = entry("Whether the log has a time channel; otherwise only its sampling period is stated.", True)
     log: dict[Name, tuple[LogSignal, ...]] = entry(
-        "What the logs hold in the place of the robot's `log`, by robot.", default_factory=dict
+        "Content of the logs in place of the robot's `log`, by robot.", default_factory=dict
     )
     same: dict[Name, tuple[ScaleText, ...]] = entry(
         "Further scales that give the same data, by robot: its group.", default_factory=dict
     )
-    refusals: tuple[str, ...] = entry("Words by which a refusal names it, beside those of its scale.", ())
+    refusals: tuple[str, ...] = entry("Words by which a refusal names it, in addition to those of its scale.", ())
 
 
 class Rough(Section):
@@ -82,7 +82,7 @@ class Rough(Section):
     inertia: float = entry("Inertia of each link beside that.", 1.5, ge=1)
     spring: float = entry("Springs.", 3.0, ge=1)
     damper: float = entry("Dampers.", 3.0, ge=1)
-    friction: float = entry("Viscous coefficient and dry levels of each motor.", 3.0, ge=1)
+    friction: float = entry("Viscous coefficient and dry friction of each motor.", 3.0, ge=1)
     torque_constant: float = entry("Torque constant of each motor.", 2.0, ge=1)
 
 
@@ -92,7 +92,7 @@ class UnitMistakes(Section):
     robots: dict[Name, UnitRobot] = entry("The robots, by name.", min_length=1)
     only: tuple[Name, ...] | None = entry("The robots that are read; all when not given.", None, min_length=1)
     mistakes: dict[Name, UnitMistake] = entry("The mistakes, by name; each with every robot.", min_length=1)
-    rough: Rough = entry("How rough the robot files of the sound records are.", default_factory=Rough)
+    rough: Rough = entry("Errors of the robot files of the sound records.", default_factory=Rough)
 
     @property
     def chosen(self) -> dict[str, UnitRobot]:
@@ -103,8 +103,8 @@ class UnitMistakes(Section):
 class Mistake(Physics):
     """One mistake with its size, in the logs, in the robot file that the fit reads, or in what is simulated."""
 
-    cause: str | None = entry("The cause that it should be blamed on; none where there is no single one.", None)
-    robot: Literal["heavy", "light"] = entry("Whose robot it is made with: this file's or that of `light`.", "heavy")
+    cause: str | None = entry("The right cause; none where there is no single one.", None)
+    robot: Literal["heavy", "light"] = entry("Robot of the mistake: this file's or that of `light`.", "heavy")
     torque_factor: dict[Name, float] = entry(
         "Logs: factors of the torques, by joint; -1 is a wrong sign.", default_factory=dict
     )
@@ -112,14 +112,14 @@ class Mistake(Physics):
         "Logs: factors of the motor angles, by joint; -1 is a wrong sign.", default_factory=dict
     )
     swapped: tuple[Place, Place] | None = entry(
-        "Logs: numbers, from 1, of two configurations of the estimation that are taken for each other.", None
+        "Logs: numbers, from 1, of two configurations of the estimation that are exchanged.", None
     )
-    delay_samples: Whole = entry("Logs: samples by which the angles come late.", 0)
+    delay_samples: Whole = entry("Logs: delay of the angles in samples.", 0)
     gear_ratio_factor: dict[Name, float] = entry(
         "Robot file: factors of the gear ratios, by joint.", default_factory=dict
     )
     without_springs: tuple[str, ...] = entry("Robot file: names of the springs that it lacks.", ())
-    friction_factor: Positive = entry("Robot file: factor of the Coulomb and breakaway levels of all motors.", 1.0)
+    friction_factor: Positive = entry("Robot file: factor of the Coulomb and breakaway torques of all motors.", 1.0)
     excitation_factor: Positive = entry("Simulation: factor of the excitation.", 1.0)
 
     @property
@@ -150,8 +150,8 @@ class SeedChoice(Section):
 class Seeds(Section):
     """Two disjoint sets of seeds: thresholds are chosen with one, the stated figures come from the other."""
 
-    judge: SeedChoice = entry("Those of the stated figures.")
-    choose: SeedChoice = entry("Those that thresholds are chosen with.")
+    judge: SeedChoice = entry("Seeds of the stated figures.")
+    choose: SeedChoice = entry("Seeds for choosing thresholds.")
 
 
 class MistakesStudy(Section):
@@ -167,7 +167,7 @@ class MistakesStudy(Section):
     mistakes: dict[Name, Mistake] = entry("The mistakes, by name.", min_length=1)
     units: UnitMistakes | None = entry("Logs that are read in wrong units.", None)
     only: Literal["mistakes", "units"] | None = entry(
-        "What is done alone: `mistakes`, or `units`; both when not given.", None
+        "Part that runs alone: `mistakes`, or `units`; both when not given.", None
     )
 
     @property

@@ -27,7 +27,7 @@ class PlantsCase(Section):
 
     first_seed: Whole = entry("The seed of the tables' noise; further ones, of the coverage, follow it.", 101)
     seeds: Whole = entry("Number of seeds of the coverage; 0 leaves it out.", 100)
-    seeds_per_task: Count = entry("Seeds that are fitted in one go.", 25)
+    seeds_per_task: Count = entry("Seeds fitted in one task.", 25)
     delay_samples: Whole = entry("True transport delay, which is estimated.", 4)
     moving_average: Count = entry("Samples of the commands' moving average, known.", 4)
     noise_resolutions: NotNegative = entry("Deviation of the noise before quantising, over the resolution.", 1.0)
@@ -36,7 +36,7 @@ class PlantsCase(Section):
     )
     validation_hz: Positive = entry("Highest frequency of the chirp that validates [Hz].", 2.08)
     band_hz: tuple[float, float] = entry("Band in which responses and poles are judged [Hz].", (0.01, 5.2))
-    max_poles: Count = entry("Poles that are tried at most.", 5)
+    max_poles: Count = entry("Largest number of poles to try.", 5)
     max_delay_samples: Whole = entry("Longest delay that is searched.", 10)
 
 
@@ -45,7 +45,7 @@ class SyntheticCase(Section):
 
     first_seed: Whole = entry("The first seed; further ones follow it.", 101)
     plants: Count = entry("Number of plants, one a seed.", 100)
-    plants_per_task: Count = entry("Plants that are identified in one go.", 10)
+    plants_per_task: Count = entry("Plants identified in one task.", 10)
 
 
 class CartesianCase(Section):
@@ -69,7 +69,7 @@ class OliveiraStudy(Section):
     plants: PlantsCase | None = entry("The paper's transfer functions as plants.", None)
     synthetic: SyntheticCase | None = entry("Random plants.", None)
     arm: CartesianCase | None = entry("A simulated arm on a rail.", None)
-    emps: LoopCase | None = entry("A real axis in closed loop; skipped where its log is not there.", None)
+    emps: LoopCase | None = entry("A real axis in closed loop; left out without its log.", None)
     paper: str = entry("File with the paper's figures, relative to this one.", min_length=1)
 
 
@@ -102,7 +102,7 @@ class KnownStructureCase(Section):
 
     first_seed: Whole = entry("The first seed; further ones follow it.", 101)
     runs: Count = entry("Number of systems, one a seed.", 100)
-    runs_per_task: Count = entry("Systems that are identified in one go.", 10)
+    runs_per_task: Count = entry("Systems identified in one task.", 10)
 
 
 class RestCase(Section):
@@ -116,7 +116,7 @@ class TravelCase(Section):
 
     fit: Name = entry("Name of the position-dependent fit.")
     uncompensated: Name | None = entry(
-        "Name of a fit to responses with friction in them, whose error is printed beside.", None
+        "Name of a fit to responses that contain friction, whose error is shown beside.", None
     )
     campaign: Name = entry("Name of the simulated campaign in which the slide travels.")
     fixed: Name = entry("Name of the simulated campaign with the same lines at one position (eq. 20).")
@@ -194,8 +194,8 @@ class SeededCase(Section):
     duration_s: Positive = entry("Length of a record [s].", 10.0)
     resolution_rad: NotNegative = entry("Quantum of the motor encoders [rad].", 7.67e-4)
     torque_noise_nm: NotNegative = entry("Deviation of the measured torque's noise [N m].", 0.09)
-    good_cut_hz: Positive = entry("Cut-off of the filters that suit [Hz].", 20.0)
-    bad_cut_hz: Positive = entry("Cut-off of the filters that do not [Hz].", 200.0)
+    good_cut_hz: Positive = entry("Cut-off of the good filters [Hz].", 20.0)
+    bad_cut_hz: Positive = entry("Cut-off of the bad filters [Hz].", 200.0)
     drop_deviations: NotNegative = entry("Deviations of the speed's noise below which rows are dropped.", 15.0)
 
 
@@ -242,10 +242,8 @@ class JanotStudy(Section):
     kind: Literal["janot2009"] = entry("What is studied.")
     haptic: SeededCase | None = entry("The paper's one-axis haptic device.", None)
     branch: BranchCase | None = entry("The robot of this file, a branch of three motors.", None)
-    emps: RealCase | None = entry(
-        "A real axis, with the fits `axis` and `asymmetric`; skipped where its log is not there.", None
-    )
-    tx40: RecordedCase | None = entry("A real arm of six axes; skipped where its logs are not there.", None)
+    emps: RealCase | None = entry("A real axis, with the fits `axis` and `asymmetric`; left out without its log.", None)
+    tx40: RecordedCase | None = entry("A real arm of six axes; left out without its logs.", None)
     kr300: CoverageCase | None = entry("A simulated arm of six axes.", None)
     paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
 

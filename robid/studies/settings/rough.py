@@ -18,7 +18,7 @@ class RoughArm(Section):
     """A kind of arm, of which robots are drawn."""
 
     robot: str = entry("Robot file, relative to this one; its springs are taken as rigid.", min_length=1)
-    home_deg: tuple[float, ...] = entry("Where all motions begin and end [deg].", min_length=1)
+    home_deg: tuple[float, ...] = entry("Begin and end of all motions [deg].", min_length=1)
     payload_kg: NotNegative = entry("Heaviest payload [kg].")
     payload_com_m: tuple[float, float, float] = entry(
         "Centre of the payload in the last joint's frame, about which it is drawn [m]."
@@ -33,13 +33,13 @@ class Spread(Section):
     inertia: float = entry("Inertia of each link beside that.", 1.3, ge=1)
     rotor_inertia: float = entry("Rotor inertias.", 1.3, ge=1)
     viscous: float = entry("Viscous coefficient of each motor.", 1.5, ge=1)
-    dry: tuple[Positive, Positive] = entry("Coulomb and breakaway levels of each motor over its file's.", (0.1, 0.6))
+    dry: tuple[Positive, Positive] = entry("Coulomb and breakaway torques of each motor over its file's.", (0.1, 0.6))
     dry_width: tuple[Positive, Positive] = entry(
         "Stribeck speed and presliding deflection of each motor over its file's.", (0.3, 1.0)
     )
-    balanced_each: Count = entry("One in so many robots has a counterbalance.", 3)
+    balanced_each: Count = entry("One robot in this number has a counterbalance.", 3)
     balance_share: tuple[Positive, Positive] = entry(
-        "Share of gravity at the home position that a counterbalance takes, uniform.", (0.3, 0.8)
+        "Share of gravity at the home position that a counterbalance carries, uniform.", (0.3, 0.8)
     )
 
 
@@ -49,7 +49,7 @@ class FileErrors(Section):
     small_links: float = entry("Mass and inertia of each link of the outer half of the chain.", 3.0, ge=1)
     large_links: float = entry("Mass and inertia of each other link.", 1.3, ge=1)
     rotor_inertia: float = entry("Rotor inertias.", 1.2, ge=1)
-    friction: float = entry("Viscous coefficient, and dry levels, of each motor.", 20.0, ge=1)
+    friction: float = entry("Viscous coefficient, and dry friction, of each motor.", 20.0, ge=1)
     payload_com_m: NotNegative = entry("Distance of the payload's stated centre from the true one [m].", 0.15)
 
 
@@ -94,11 +94,11 @@ class RoughStudy(Section):
 
     kind: Literal["rough"] = entry("What is studied.")
     arms: dict[Name, RoughArm] = entry("The kinds of arms, by name; robots take turns.", min_length=1)
-    drawn: Spread = entry("How true robots differ.", default_factory=Spread)
-    file: FileErrors = entry("How rough their files are.", default_factory=FileErrors)
-    logs: LogSpread = entry("How they are logged.", default_factory=LogSpread)
+    drawn: Spread = entry("Differences of the true robots.", default_factory=Spread)
+    file: FileErrors = entry("Errors of their files.", default_factory=FileErrors)
+    logs: LogSpread = entry("Logs of the robots.", default_factory=LogSpread)
     validated: MotionSpread = entry("Motions of fits that a further motion validates.")
-    one_motion: MotionSpread = entry("Motions of fits of one motion, which nothing validates.")
+    one_motion: MotionSpread = entry("Motions of fits of one motion, without validation.")
     new_motions: Count = entry("New motions of each robot on which the true error is measured.", 3)
     period_s: Positive = entry("Length of a whole motion [s].", 10.0)
     harmonics: int = entry("Harmonics of a motion.", 5, ge=3)

@@ -46,12 +46,14 @@ class RobotCounts(Section):
 class SingleDefect(RobotCounts):
     """A defect that robots have alone."""
 
-    named: tuple[str, ...] = entry("Causes that count as right: several where they cannot be told apart.", min_length=1)
+    named: tuple[str, ...] = entry(
+        "Causes that count as right: several where they cannot be distinguished.", min_length=1
+    )
     size_factor: float = entry(
         "Sizes of the defect, one factor for all of a robot's, are multiplied log-uniformly by up to this.", 1.0, ge=1
     )
     variants: dict[Kind, tuple[Physics, ...]] = entry(
-        "What robots of each kind have; the next variant comes when every noise has had its turn."
+        "Defects of robots of each kind; the next variant follows after every noise has had its turn."
     )
 
     @model_validator(mode="after")
@@ -67,7 +69,7 @@ class SingleDefects(Section):
     """Robots with one defect each, and sound ones of the same noises."""
 
     noises: dict[Kind, tuple[dict[str, Any], ...]] = entry(
-        "`imperfections` that take the place of the campaigns', for robots of each kind; they take turns."
+        "`imperfections` that replace those of the campaigns, for robots of each kind; they take turns."
     )
     defects: dict[Name, SingleDefect] = entry("The defects, by name.", min_length=1)
     sound: RobotCounts = entry("Robots without a defect.", default_factory=RobotCounts)

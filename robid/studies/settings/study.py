@@ -53,10 +53,10 @@ class ModelChoice(Section):
     count: Count | None = entry("How many of these are taken; all when not given.", None)
     seed: Whole = entry("Seed of the draw that takes them.", 1)
     low_torque: Name | None = entry(
-        "Name of the joint with whose smallest gravity torques they are taken, not drawn.", None
+        "Name of a joint. The configurations with its smallest gravity torques are taken, not drawn.", None
     )
-    free: tuple[ElasticKind, ...] = entry("Kinds that it frees beside those of `fit`.", ())
-    fixed: tuple[str, ...] = entry("Parameters that it fixes beside those of `fit`.", ())
+    free: tuple[ElasticKind, ...] = entry("Kinds that it estimates in addition to those of `fit`.", ())
+    fixed: tuple[str, ...] = entry("Parameters that it fixes in addition to those of `fit`.", ())
 
 
 class ZimmermannStudy(Section):
@@ -79,13 +79,13 @@ class ZimmermannStudy(Section):
         ("axis_2", "axis_3"),
         min_length=1,
     )
-    reference: Name = entry("The model that has all configurations.", "m49")
-    optimal: Name = entry("The model that has those of `design`.", "opt2")
-    guess: Name = entry("The model that has those an engineer would choose.", "guess")
+    reference: Name = entry("The model with all configurations.", "m49")
+    optimal: Name = entry("The model with the configurations of `design`.", "opt2")
+    guess: Name = entry("The model with the configurations that an engineer would choose.", "guess")
     nonlinear: Name | None = entry("The model whose gears stiffen, which explains the others' springs.", None)
     design: Name = entry("The design of the study.")
     steps: StepOptions = entry("Steps that compare the models in the time domain.", default_factory=StepOptions)
-    stepped: tuple[Name, ...] = entry("Models that control the steps, the robot file beside.", ())
+    stepped: tuple[Name, ...] = entry("Models that control the steps, in addition to the robot file.", ())
     paper: str | None = entry("File with the paper's figures, relative to this one.", None, min_length=1)
 
 
@@ -163,19 +163,19 @@ class WernholtStudy(Section):
         " same for all estimators.",
         default_factory=lambda: ElasticOptions(free=("stiffness", "damping"), correct_torques=False, starts=100),
     )
-    estimators: dict[Name, EstimatorChoice] = entry("What is compared, by name.", min_length=1)
-    reference: Name = entry("The estimator whose best model the others' parameters are divided by.", "lls15u")
+    estimators: dict[Name, EstimatorChoice] = entry("Estimators to compare, by name.", min_length=1)
+    reference: Name = entry("Estimator whose best model divides the parameters of the others.", "lls15u")
     wide: tuple[Name, ...] = entry("Estimators that also start over `wide_decades`.", ())
     wide_decades: Positive = entry("Spread of these starts [decades].", 2.0)
     plain: bool = entry("Whether every start is also fitted with `strategy: plain`, as in the paper.", True)
-    starts_per_task: Count = entry("Starts that are fitted in one go.", 25)
+    starts_per_task: Count = entry("Starts fitted in one task.", 25)
     individuals: tuple[Name, ...] = entry(
-        "Names of further simulated campaigns, one for each individual of the robot, on which estimates"
-        " from all configurations are held against the truth.",
+        "Names of further simulated campaigns, one for each individual of the robot. The study compares "
+        "estimates from all configurations with the truth there.",
         (),
     )
     individual_estimators: tuple[Name, ...] = entry(
-        "Estimators that are held against them; all with all configurations when not given.", ()
+        "Estimators of this comparison; all with all configurations when not given.", ()
     )
     individual_starts: Count = entry("Starts of each of these fits, the robot file's values the first one.", 3)
     element: tuple[int, int] = entry(
@@ -229,7 +229,7 @@ class FrfStudy(Section):
         "Estimator of the best linear approximation, from all realizations of a task.", "joint"
     )
     references: dict[str, float] = entry(
-        "Figures to hold ours against, by their name in summary.json.", default_factory=dict
+        "Figures to compare with, by their name in summary.json.", default_factory=dict
     )
 
 
@@ -265,14 +265,12 @@ class FleetFaults(Section):
     """What is wrong with some of the robots: six kinds, as many robots of each."""
 
     each: Whole = entry("Robots of each kind.", 5)
-    seed: Whole = entry("Seed of which robots these are, and of what is wrong where.", 1)
+    seed: Whole = entry("Seed of the choice of these robots and of the place of their faults.", 1)
     stiffness_factor: Positive = entry(
         "`spring`: true stiffness of a joint's transmission over that of a sound one.", 0.7
     )
-    payload_kg: Positive = entry("`payload`: what is mounted beyond what the manifest says [kg].", 5.0)
-    lost_samples: tuple[int, int] = entry(
-        "`gap`: fewest and most samples that are lost inside an experiment.", (3, 200)
-    )
+    payload_kg: Positive = entry("`payload`: additional mass beyond the manifest's [kg].", 5.0)
+    lost_samples: tuple[int, int] = entry("`gap`: fewest and most samples lost inside an experiment.", (3, 200))
 
 
 class FleetSpeed(Section):
@@ -286,19 +284,17 @@ class FleetStudy(Section):
     """Logs of many simulated robots, some with faults, through `robid reprocess`."""
 
     kind: Literal["fleet"] = entry("What is studied.")
-    campaign: Name = entry("Name of the simulated campaign that is logged of each robot.")
+    campaign: Name = entry("Name of the simulated campaign of which each robot has a log.")
     experiment: str = entry(
         "Experiment file, relative to this one, that reads these logs: its rows have `id`, `log` and `payload_kg`.",
         min_length=1,
     )
     robots: Count = entry("Number of robots.", 1000)
-    robots_per_task: Count = entry("Robots that are simulated in one go.", 10)
+    robots_per_task: Count = entry("Robots simulated in one task.", 10)
     first_seed: Whole = entry("Seed of the first robot and its noise; the others follow.", 1)
-    faults: FleetFaults = entry("What is wrong with some of them.", default_factory=FleetFaults)
-    speed: FleetSpeed | None = entry("How speed is measured; not at all when null.", default_factory=FleetSpeed)
-    scheduled: Whole = entry(
-        "Rows without work that a local Dask cluster is fed with, to see what it bears; 0 leaves it out.", 0
-    )
+    faults: FleetFaults = entry("Faults of some of them.", default_factory=FleetFaults)
+    speed: FleetSpeed | None = entry("Measurement of speed; none when null.", default_factory=FleetSpeed)
+    scheduled: Whole = entry("Rows without work for a local Dask cluster, to measure its limit; 0 leaves it out.", 0)
 
 
 KINDS = ("spring", "sign", "dead", "gap", "payload", "file")

@@ -41,17 +41,17 @@ from robid.studies.settings.singles import (
 class Defects(Physics):
     """What the robots of a set have and their model lacks, each in sizes of its own."""
 
-    robot: Literal["heavy", "light"] = entry("Whose robots they are: this file's or that of `light`.", "heavy")
+    robot: Literal["heavy", "light"] = entry("Robots of the set: this file's or those of `light`.", "heavy")
     springs: tuple[SpringSection, ...] = entry("Springs that the robot file lacks, from which each robot has some.", ())
-    springs_each: Whole = entry("How many of these a robot has, drawn without return.", 0)
+    springs_each: Whole = entry("Number of these of each robot, drawn without replacement.", 0)
     size_factor: float = entry(
-        "Sizes of the imperfections that stand here, and stiffness and damping of the springs, are"
-        " multiplied log-uniformly by up to this factor.",
+        "Sizes of these imperfections, and stiffness and damping of the springs, are multiplied log-uniformly "
+        "by up to this factor.",
         1.5,
         ge=1,
     )
     listed: bool = entry(
-        "Whether nuisance parameters have these defects, so that intervals must hold the true springs.", False
+        "Whether nuisance parameters describe these defects, so that intervals must contain the true springs.", False
     )
     robots: Count = entry("Number of robots.")
     referenced: Whole = entry(
@@ -63,7 +63,7 @@ class LinearRobots(Section):
     """Robots with exact responses plus noise, in as many random configurations as the others."""
 
     drawn: Whole = entry("Robots whose nuisance parameters are drawn from their priors.", 40)
-    file: Whole = entry("Robots that are, but for springs and dampers, what their file says.", 10)
+    file: Whole = entry("Robots that agree with their file except for springs and dampers.", 10)
     relative_noise: Positive = entry(
         "Standard deviation of an element's noise over the median response of its output.", 0.01
     )
@@ -72,7 +72,9 @@ class LinearRobots(Section):
 class CauseKind(Physics):
     """A defect that the tool is to name."""
 
-    named: tuple[str, ...] = entry("Causes that count as right: several where they cannot be told apart.", min_length=1)
+    named: tuple[str, ...] = entry(
+        "Causes that count as right: several where they cannot be distinguished.", min_length=1
+    )
 
 
 class TrustSeeds(Section):
@@ -85,8 +87,8 @@ class TrustSeeds(Section):
 class TrustSeedChoice(Section):
     """Two disjoint sets of seeds: everything is chosen with one, the stated figures come from the other."""
 
-    judge: TrustSeeds = entry("Those of the stated figures.")
-    choose: TrustSeeds = entry("Those that everything is chosen with.")
+    judge: TrustSeeds = entry("Seeds of the stated figures.")
+    choose: TrustSeeds = entry("Seeds for all choices.")
 
 
 _PARTS = ("causes", "linear", "single")
@@ -109,7 +111,7 @@ class TrustStudy(Section):
     )
     sets: dict[Name, Defects] = entry("The sets of robots, by name.", default_factory=dict)
     linear: LinearRobots | None = entry("Linear robots; none when not given.", None)
-    causes: dict[Name, CauseKind] = entry("Defects that are to be named, by name.", default_factory=dict)
+    causes: dict[Name, CauseKind] = entry("Defects that should be named, by name.", default_factory=dict)
     cause_robots: Count = entry("Robots of each of these.", 5)
     cause_places: Count = entry("Random configurations, the first ones, in which these are measured.", 4)
     single: SingleDefects | None = entry("Set C: robots with one defect each, and sound ones.", None)

@@ -482,5 +482,5 @@ def test_a_list_of_channels_without_entries_says_what_to_fill_in(tmp_path, writt
     problems = _refused(_write(tmp_path, _replaced(EXPERIMENT, "source: *source\n", log)))
     (told,) = [one for one in problems if ".inputs: " in one]
     assert "campaigns.fresh.source.acquire.inputs: S38" in told
-    assert "fill in one line `- {name: .., variable: ..}` for each. What drives the robot" in told
+    assert "fill in one line `- {name: .., variable: ..}` for each. Signals that drive the robot" in told
     assert "tuple" not in told

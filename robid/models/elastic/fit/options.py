@@ -34,12 +34,12 @@ class Weights:
 
     kind: WeightsKind = option(
         "inflated",
-        "Constant per element; 1/variance; inverse covariance, correlations of a line's elements"
-        " included; 1/(variance + model error); the same with the model error that the residuals of each"
-        " element show, after a first fit by `inflated`.",
+        "`user`: constant per element. `optimal`: 1/variance. `optimal_full`: inverse covariance, with "
+        "correlations between a line's elements. `inflated`: 1/(variance + model error). `estimated`: the same "
+        "with the model error from the residuals of each element after a first fit by `inflated`.",
     )
     off_diagonal: float = option(0.3, "User weight of off-diagonal elements, diagonal is 1.", ge=0)
-    low_cut_hz: float = option(0.0, "Lines below get no weight [Hz].", ge=0)
+    low_cut_hz: float = option(0.0, "Lines below have no weight [Hz].", ge=0)
     model_error: float = option(0.02, "Relative model error that `inflated` adds, and `estimated` at first.", ge=0)
 
 
@@ -51,17 +51,16 @@ class ElasticOptions:
     weights: Weights = group(Weights, "Weights of the residual.")
     free: tuple[ElasticKind | str, ...] = option(
         FREE,
-        f"Kinds of parameters that are estimated ({', '.join(f'`{kind}`' for kind in ELASTIC)}),"
-        " and what the robot file may have wrong, by name or group: `payload`, `masses`, `axis_2.mass`,"
+        f"Estimated kinds of parameters: {', '.join(f'`{kind}`' for kind in ELASTIC)}."
+        " And nuisance parameters, by name or group: `payload`, `masses`, `axis_2.mass`,"
         " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
-        " `bearing_axis_2_x`. Where only such nuisances are named,"
-        " the default kinds are estimated too.",
+        " `bearing_axis_2_x`. If only nuisance parameters are named, the default kinds are estimated too.",
     )
     fixed: tuple[str, ...] = option((), "Names of single parameters that stay at the robot file's value.")
     tied: Mapping[str, str] = group(
         dict,
-        "Parameters that share the correction of another one of their kind, by name: a common factor"
-        " on the robot file's values, for linear kinds a common multiple of their scales.",
+        "Parameters that share the correction of another one of their kind, by name. It is a common factor on "
+        "the robot file's values, for linear kinds a common multiple of their scales.",
     )
     bounds: Mapping[str, tuple[float, float]] = group(
         dict, "Lower and upper bound of single parameters, by name, in their own units."
@@ -70,38 +69,38 @@ class ElasticOptions:
     start_decades: float = option(1.0, "Further starts are log-uniform within this many decades.", ge=0)
     prior_decades: float = option(
         1.0,
-        "Standard deviation of what the robot file knows of springs, dampers, link inertias"
-        " [decades]; that of motor inertias is the file's `inertia_relative_std`.",
+        "Prior standard deviation of the robot file's springs, dampers and link inertias [decades]; that of "
+        "motor inertias is the file's `inertia_relative_std`.",
         gt=0,
     )
     strategy: Literal["staged", "plain"] = option(
         "staged",
-        "From a start to a minimum: over heavier dampers and fewer lines, what ran away put back; or straight down.",
+        "From a start to a minimum: over heavier dampers and fewer lines, with diverged parameters reset; or direct.",
     )
     optimizer: Optimizer = option(
         "levenberg",
-        "What ends each start: ours, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL over the"
-        " bounds before ours.",
+        "Optimiser that ends each start: robid's own, scipy's least_squares, nlopt's SLSQP, or nlopt's MLSL "
+        "over the bounds before robid's own.",
     )
     correct_torques: bool = option(
-        True, "Whether the compensated friction and ripple are corrected along, as nuisances."
+        True, "Whether the fit also corrects the compensated friction and ripple, as nuisance parameters."
     )
     max_iterations: int = option(200, "Iteration limit of one start.", ge=1)
     statics: Literal["updates", "every_iterate"] = option(
         "updates",
-        "Whether inertia and gravity stay between updates as they were at rest, or follow the rest"
-        " position of every iterate to first order, as they do where locations are free.",
+        "Whether inertia and gravity stay as at rest between updates, or follow the rest position of every "
+        "iterate to first order. They follow it where locations are estimated.",
     )
     statics_updates: int = option(
-        4, "How often the equilibrium is solved again for the fitted springs, at most; 0 is never.", ge=0
+        4, "Largest number of new solutions of the equilibrium for the fitted springs; 0 is none.", ge=0
     )
     identifiable_relative_std: float = option(
         0.2, "Predicted relative deviation up to which a parameter counts as identifiable.", gt=0
     )
     bootstrap: int = option(
         0,
-        "Fits repeated on realizations weighted anew, for intervals that assume nothing about how"
-        " a realization's errors are correlated; 0 for none.",
+        "Number of fits repeated on realizations with new random weights. Their intervals assume nothing about "
+        "the correlation of a realization's errors; 0 for none.",
         ge=0,
     )
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)

@@ -17,8 +17,8 @@ StartName = Literal["auto", "rest", "periodic", "free"]
 class CouplingOptions:
     """When an output counts as coupled to a command of another channel."""
 
-    coherence: float = option(0.70, "Root of the coherence from which on signals are related.", gt=0, lt=1)
-    ratio: float = option(0.15, "Normalised magnitude ratio from which on coupling matters.", gt=0)
+    coherence: float = option(0.70, "Root of the coherence above which signals are related.", gt=0, lt=1)
+    ratio: float = option(0.15, "Normalised magnitude ratio above which coupling matters.", gt=0)
     resolution_m: float = option(1e-5, "Resolution of translations [m].", gt=0)
     resolution_rad: float = option(float(np.deg2rad(0.001)), "Resolution of rotations [rad].", gt=0)
     segments: int = option(16, "Segments of Welch's method, which overlap by half.", ge=2)
@@ -33,7 +33,7 @@ class ExternalOptions:
         "diagonal", "One transfer function a channel, or the whole matrix of all channels with common poles."
     )
     pairs: tuple[tuple[str, str], ...] = option(
-        (), "Channels as input and output; when not given each input with the output of its name."
+        (), "Channels as pairs of input and output; when not given, each input with the output of its name."
     )
     poles: int | None = option(None, "Number of poles; chosen from the data when not given.", ge=1)
     zeros: int | None = option(None, "Number of zeros, below that of poles; chosen when not given.", ge=0)
@@ -41,13 +41,13 @@ class ExternalOptions:
         "evidence",
         "How the order is chosen: by evidence against overfitting, or the smallest that reaches `sufficient_nrmse`.",
     )
-    sufficient_nrmse: float = option(0.9, "What the rule `sufficient` asks for.", gt=0, lt=1)
-    max_poles: int = option(5, "Poles that are tried at most.", ge=1, le=12)
+    sufficient_nrmse: float = option(0.9, "Smallest value for the rule `sufficient`.", gt=0, lt=1)
+    max_poles: int = option(5, "Largest number of poles to try.", ge=1, le=12)
     delay_samples: int | None = option(None, "Transport delay in samples; searched when not given.", ge=0)
     max_delay_samples: int = option(10, "Longest transport delay that is searched, in samples.", ge=0)
-    moving_average: int = option(1, "Samples of the command's moving average, known beforehand.", ge=1)
+    moving_average: int = option(1, "Samples of the command's moving average, known a priori.", ge=1)
     hold: HoldName = option(
-        "recorded", "What commands do between samples: `zoh`, `foh` (straight lines), or what the record says."
+        "recorded", "Course of commands between samples: `zoh`, `foh` (straight lines), or that of the record."
     )
     start: StartName = option(
         "auto",
@@ -61,8 +61,8 @@ class ExternalOptions:
     static_gain: Literal["free", "one"] = option("free", "Whether the static gain is estimated, or 1 by assumption.")
     speed_references: Literal["integrated", "kept"] = option(
         "integrated",
-        "Whether speed references to a position are integrated to position commands first, which takes the known"
-        " integrator out of the model.",
+        "Whether speed references to a position are first integrated to position commands, which removes the "
+        "known integrator from the model.",
     )
     coupling: CouplingOptions = group(CouplingOptions, "When channels count as coupled.")
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)

@@ -16,7 +16,7 @@ class BasisOptions:
     kind: Literal["polynomials", "splines"] = option("polynomials", "Powers up to a total degree, or B-splines.")
     degree: int = option(4, "Of the powers, or of the splines' pieces.", ge=1)
     pieces: int = option(2, "Intervals of each parameter's splines.", ge=1)
-    center: tuple[float, ...] = option((), "Where each parameter's powers are counted from; empty for zero.")
+    center: tuple[float, ...] = option((), "Origin of each parameter's powers; empty for zero.")
 
     def count(self, n_scheduling: int) -> int:
         """Returns the number of functions of some scheduling parameters, the constant one counted."""
@@ -61,8 +61,8 @@ class LpvOptions:
 
     order: int = option(3, "States of the model without integrators.", ge=1)
     integrators: tuple[int, ...] = option((), "How often each output integrates; not at all when empty.")
-    weighted: bool = option(True, "Whether lines weigh by their variance, or all alike.")
+    weighted: bool = option(True, "Whether lines have weights by their variance, or equal weights.")
     weight_window: int = option(9, "Lines that a weight's variance averages.", ge=1)
-    sparse_basis: SparseBasisOptions = group(SparseBasisOptions, "How the states' basis is searched.")
+    sparse_basis: SparseBasisOptions = group(SparseBasisOptions, "Search of the states' basis.")
     sparsity: SparsityOptions = group(SparsityOptions, "When blocks are dropped and when the penalised fit ends.")
     path: PathOptions = group(PathOptions, "Which prices are tried and how one is chosen.")

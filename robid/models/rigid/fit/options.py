@@ -48,8 +48,8 @@ class PreprocessingOptions:
 
     position_cut_hz: float | None = option(
         None,
-        "Cut-off of the positions' low pass [Hz]; when not given the lowest above the motion's band that leaves white"
-        " residuals.",
+        "Cut-off of the positions' low pass [Hz]. When not given, the lowest above the motion's band that "
+        "leaves white residuals.",
         gt=0,
     )
     position_order: int = option(4, "Order of one of its two passes.", ge=1)
@@ -101,38 +101,38 @@ class ConclusionOptions:
 class RigidFitOptions:
     """How rigid dynamics and friction are estimated from records."""
 
-    model: RigidOptions = group(RigidOptions, "What the model has beside its links.")
+    model: RigidOptions = group(RigidOptions, "Parts of the model in addition to its links.")
     filters: PreprocessingOptions = group(PreprocessingOptions, "Filters of positions, torques and columns.")
     estimator: EstimatorName = option(
         "weighted",
-        "Whose values and intervals are the result: least squares, plain or weighted per joint, Huber's estimator, or"
-        " instrumental variables; the others are shown beside it.",
+        "Estimator of the result: least squares, plain or weighted per joint, Huber's estimator, or "
+        "instrumental variables. The others are shown beside it.",
     )
     instruments: Literal["auto", "none"] = option(
         "auto",
-        "Whether the model is simulated in the robot's loop as instrument: where controller and position commands are"
-        " known (`auto`), or never.",
+        "Whether a simulation of the model in the robot's loop gives the instruments: where controller and "
+        "position commands are known (`auto`), or never.",
     )
     gain_std: float | None = option(
         None,
-        "Estimates what each motor's torque is over the recorded one, from the known `payload` of records with and"
-        " without it: relative standard deviation of this gain beforehand; when not given torques are taken as they"
-        " are.",
+        "Relative prior standard deviation of a gain for each motor, true over recorded torque. It is "
+        "estimated from the known `payload` of records with and without it; when not given, torques are used "
+        "as recorded.",
         gt=0,
     )
     huber: HuberOptions = group(HuberOptions, "Huber's estimator.")
-    sweep: tuple[float, ...] = option((), "Further bends of Huber's estimator, to be shown beside it.")
+    sweep: tuple[float, ...] = option((), "Further bends of Huber's estimator, shown beside it.")
     convergence: InstrumentOptions = group(InstrumentOptions, "Convergence of the instrumental variables.")
-    base: BaseOptions = group(BaseOptions, "How base parameters are found.")
+    base: BaseOptions = group(BaseOptions, "Computation of the base parameters.")
     physical: bool = option(
         True,
-        "Whether the standard parameters of real bodies nearest to the robot file's are found, with the estimated base"
-        " parameters; they are what is exported and handed on.",
+        "Whether the fit also finds the standard parameters of real bodies that have the estimated base "
+        "parameters and are nearest to the robot file's. They are exported and passed on.",
     )
-    consistency: ConsistencyOptions = group(ConsistencyOptions, "How bodies are made real.")
-    verdict: VerdictOptions = group(VerdictOptions, "When the verdict speaks against least squares.")
+    consistency: ConsistencyOptions = group(ConsistencyOptions, "Conditions on real bodies.")
+    verdict: VerdictOptions = group(VerdictOptions, "Limits of the verdict against least squares.")
     judge: tuple[str, ...] = option(
-        (), "Joints whose motors alone are graded; when not given all whose torques are more than noise and friction."
+        (), "Joints whose motors are graded; when not given, all whose torques are more than noise and friction."
     )
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
     identifiable_relative_std: float = option(
