@@ -63,7 +63,8 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         page.meta["search"] = {"boost": 0.2}
     up = "../" * page.file.src_uri.count("/")
     text = re.sub(r"\]\((?:\.\./)+data/SOURCES\.md", f"]({up}reference/sources.md", markdown)
-    return re.sub(r"(\]\([\w./-]*tutorials/\w+)\.py\)", r"\1.md)", text)
+    inside = r"[\w./-]*" if page.file.src_uri.startswith("tutorials/") else r"[\w./-]*tutorials/"
+    return re.sub(rf"(\]\({inside}\w+)\.py\)", r"\1.md)", text)
 
 
 def commands() -> str:

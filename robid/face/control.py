@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 def to_control(responses: Frf, configuration: int = 0) -> Any:  # noqa: ANN401
     """Returns the response of one configuration as `control.FrequencyResponseData`, without its covariance.
 
+    A dot in a channel's name becomes an underscore.
+
     Args:
         responses: Frequency responses.
         configuration: Row of the configuration, from 0.
@@ -30,8 +32,9 @@ def to_control(responses: Frf, configuration: int = 0) -> Any:  # noqa: ANN401
     return control.FrequencyResponseData(
         responses.response[configuration].transpose(1, 2, 0),
         2 * np.pi * responses.frequency_hz,
-        inputs=list(responses.input_names),
-        outputs=list(responses.output_names),
+        # python-control keeps dots for subsystems.
+        inputs=[name.replace(".", "_") for name in responses.input_names],
+        outputs=[name.replace(".", "_") for name in responses.output_names],
         smooth=len(responses.frequency_hz) > 3,
     )
 

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from robid.errors import DataError
 from robid.face.parameters import Parameters
 from robid.face.robots import RobotModel
+from robid.frf.frf import Frf
 from robid.models.values import FITS
+from robid.signals.record import Record
 
 if TYPE_CHECKING:
     from robid.results.finding import Finding
@@ -74,14 +79,30 @@ def fit_model(
         options: Options of the kind's fit by name, as in an experiment file: `starts`, `free`, `order`.
 
     Raises:
-        DataError: If the kind is unknown, or the data cannot be used as they are.
+        DataError: If the kind is unknown, the data cannot be used as they are, or are those of `validate_on` too.
     """
     if kind not in FITS:
         raise DataError(
             f"D293 there is no kind of model `{kind}`", where="fit_model", remedy=f"it is {', '.join(FITS)}"
         )
+    if any(_same(each, other) for each in _flat(data) for other in _flat([validate_on])):
+        what = "D500 the fit would be validated on data that it has read"
+        raise DataError(what, where="fit_model", remedy="keep a part of the measurements for `validate_on`")
     plain = [each.description if isinstance(each, RobotModel) else each for each in data]
     robots = [each for each in data if isinstance(each, RobotModel)]
     if robots:
         options.setdefault("delay_s", robots[0].delay_s)
     return Fit(FITS[kind](*plain, validate_on=validate_on, **options))
+
+
+def _flat(data: Iterable[Any]) -> Iterator[Any]:
+    for each in data:
+        yield from each if isinstance(each, list | tuple) else (each,)
+
+
+def _same(one: object, other: object) -> bool:
+    """Whether two are the same measurement, by the values of their responses or samples."""
+    for kind, name in ((Frf, "response"), (Record, "outputs")):
+        if isinstance(one, kind) and isinstance(other, kind):
+            return one is other or np.array_equal(getattr(one, name), getattr(other, name))
+    return False

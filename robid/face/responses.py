@@ -62,7 +62,7 @@ def make_record(
     if u.shape[:5] != y.shape[:5]:
         what = f"D294 inputs have axes {u.shape[:5]}, outputs {y.shape[:5]}: all but the last must agree"
         raise DataError(what, where="make_record", remedy=f"bring both to ({_AXES})")
-    lines = np.zeros(0, int) if frequency_hz is None else _lines(frequency_hz, u.shape[4] * sampling_period_s)
+    lines = np.zeros(0, int) if frequency_hz is None else _lines(frequency_hz, u.shape[4], sampling_period_s)
     if configurations is not None:
         configurations = np.atleast_2d(np.asarray(configurations, float))
     elif len(lines):
@@ -120,19 +120,27 @@ def _row(record: Record, index: int) -> Record:
 
 def _six(values: FloatArray, name: str) -> FloatArray:
     array = np.asarray(values, float)
+    if not np.isfinite(array).all():
+        at = tuple(int(index) for index in np.argwhere(~np.isfinite(array))[0])
+        what = f"D501 `{name}` has values that are not finite, the first at index {at}"
+        raise DataError(what, where="make_record", remedy="leave out the periods or realizations that have them")
     if not 2 <= array.ndim <= 6:
         what = f"D296 `{name}` has {array.ndim} axes: from (sample, channel) to ({_AXES}) are meant"
         raise DataError(what, where="make_record", remedy="one channel is an array (n_sample, 1)")
     return array.reshape((1,) * (6 - array.ndim) + array.shape)
 
 
-def _lines(frequency_hz: FloatArray, period_s: float) -> IntArray:
-    """DFT lines (n_freq,) of frequencies."""
+def _lines(frequency_hz: FloatArray, n_sample: int, sampling_period_s: float) -> IntArray:
+    """DFT lines (n_freq,) of frequencies, of a period of so many samples."""
+    period_s = n_sample * sampling_period_s
     exact = np.asarray(frequency_hz, float) * period_s
     lines = np.rint(exact).astype(int)
     if (np.abs(exact - lines) > _ON_LINE * np.maximum(lines, 1)).any() or (lines < 1).any():
         what = f"D297 not all frequencies are lines of a period of {period_s:g} s"
         raise DataError(what, where="make_record", remedy=f"give multiples of {1 / period_s:g} Hz")
+    if lines.max(initial=0) > (n_sample - 1) // 2:
+        what = f"D502 not all frequencies lie below half the sampling rate, {0.5 / sampling_period_s:g} Hz"
+        raise DataError(what, where="make_record", remedy="give `sampling_period_s` in seconds and frequencies in Hz")
     return np.unique(lines)
 
 
@@ -141,5 +149,8 @@ def _channels(names: Sequence[str] | None, count: int, quantity: QuantityName, u
     if len(known) != count:
         what = f"D298 there are {len(known)} names for {count} channels of {quantity}"
         raise DataError(what, where="make_record", remedy="give one name for each motor")
+    if quantity not in QUANTITIES:
+        what = f"D503 there is no quantity `{quantity}`"
+        raise DataError(what, where="make_record", remedy=f"it is {', '.join(QUANTITIES)}, in SI units")
     units = QUANTITIES[quantity].units
     return tuple(Channel(name, quantity, units[min(unit, len(units) - 1)]) for name in known)

@@ -134,6 +134,11 @@ class Frf:
     saturated_inputs: Annotated[_Float, Quantity("1", _INPUT, "Share of time at a limit")] = None
     saturated_outputs: Annotated[_Float, Quantity("1", _OUTPUT, "Share of time at a limit")] = None
 
+    def __repr__(self) -> str:
+        band = f"{len(self.frequency_hz)} lines from {self.frequency_hz[0]:.4g} to {self.frequency_hz[-1]:.4g} Hz"
+        channels = f"outputs {', '.join(self.output_names)}; inputs {', '.join(self.input_names)}"
+        return f"frequency responses in {len(self.configurations)} configurations, {band}\n{channels}"
+
     @property
     def input_names(self) -> tuple[str, ...]:
         """Name of each input."""

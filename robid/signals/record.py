@@ -74,6 +74,13 @@ class Record:
     # What the import or the simulation wants the reader to know
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = ()
 
+    def __repr__(self) -> str:
+        *axes, n_sample, _ = self.inputs.shape
+        names = ("configurations", "realizations", "experiments", "periods")
+        sizes = ", ".join(f"{size} {name}" for size, name in zip(axes, names, strict=True))
+        channels = f"outputs {', '.join(self.output_names)}; inputs {', '.join(self.input_names)}"
+        return f"record of {sizes}, each of {n_sample} samples every {self.sampling_period_s:g} s\n{channels}"
+
     @property
     def own_units(self) -> dict[str, str]:
         """Units that its channels and joints decide."""
