@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from robid.settings.checks.configurations import other_units
@@ -15,10 +16,11 @@ if TYPE_CHECKING:
 _SAID = ".notices"  # beside the lock of the run folder
 
 
-def tell_notices(run: Run, shell: Shell) -> None:
+@contextmanager
+def notices(run: Run, shell: Shell) -> Iterator[None]:
     """Tells notes on the robot's model and the schema's version, and what looks like another unit, unless it was told.
 
-    What is quiet tells no notes, and so does not count as having told them.
+    What is quiet tells no notes, and what is refused afterwards leaves nothing: both do not count as having told them.
     """
     loaded = run.loaded
     notes = [(loaded.robot.name, text) for text in loaded.robot.model_notes]
@@ -35,6 +37,7 @@ def tell_notices(run: Run, shell: Shell) -> None:
             shell.warn(text)
     said = [*units, *(text for _, text in notes if not shell.quiet)]
     fresh = [text for text in said if text not in before]
+    yield
     if fresh and run.folder.is_dir():
         with suppress(OSError), run.path(_SAID).open("a", encoding="utf-8") as file:
             file.writelines(f"{text}\n" for text in fresh)

@@ -12,7 +12,7 @@ from typing import Annotated, Literal
 
 from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked
-from robid.commands.notices import tell_notices
+from robid.commands.notices import notices
 from robid.commands.output import Answer, print_json
 from robid.commands.shared import (
     PROBLEM,
@@ -113,9 +113,12 @@ def _make(run: Run, node: Node, inputs: Mapping[str, Path], target: Path, shell:
                 where=str(target),
                 remedy="`--force` replaces it; what was made from it is stale then",
             )
-        tell_notices(run, shell)
         begun = time.monotonic()
-        with run.make_map() as parallel_map, shell.progress(node.output, workers=run.at_a_time) as progress:
+        with (
+            notices(run, shell),
+            run.make_map() as parallel_map,
+            shell.progress(node.output, workers=run.at_a_time) as progress,
+        ):
             figures = execute(run, node, inputs, target, parallel_map, progress)
     return f"{figures} ({duration(time.monotonic() - begun)})"
 
@@ -133,8 +136,7 @@ def _progress(run: Run, shell: Shell, places: Mapping[str, str], node: Node) -> 
 def run_experiment(run: Run, *, strict: bool, as_json: bool) -> int:
     """Runs an experiment and prints what it found; returns the exit code."""
     shell = make_shell(run, as_json=as_json)
-    with locked(run.path(FOLDER_LOCK), f"robid run {run.loaded.path}"):
-        tell_notices(run, shell)
+    with locked(run.path(FOLDER_LOCK), f"robid run {run.loaded.path}"), notices(run, shell):
         results = run_all(run, partial(_progress, run, shell, _places(run)), lambda result: tell(shell, result))
     present = [path for result in results if result.outcome != "skipped" for path in result.node.plan.outputs]
     gathered = gather(CHAIN, run.loaded, run.folder, present)

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked, read_json
-from robid.commands.notices import tell_notices
+from robid.commands.notices import notices
 from robid.commands.output import Answer, print_json
 from robid.commands.shared import make_shell, tell
 from robid.pipeline.graph import Run
@@ -30,8 +30,7 @@ class StudyAnswer(Answer, type="study"):
 def study_experiment(run: Run, *, force: bool, as_json: bool) -> int:
     """Runs a study and prints what it found; returns the exit code."""
     shell = make_shell(run, as_json=as_json)
-    with locked(run.path(FOLDER_LOCK), f"robid study {run.loaded.path}"):
-        tell_notices(run, shell)
+    with locked(run.path(FOLDER_LOCK), f"robid study {run.loaded.path}"), notices(run, shell):
         made = run_study(
             run, partial(shell.progress, workers=run.at_a_time), lambda result: tell(shell, result), force=force
         )

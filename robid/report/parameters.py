@@ -225,9 +225,10 @@ def _relative_half_width(row: ParameterRow) -> float:
 
 def half_width_text(row: ParameterRow) -> str:
     """Writes half the interval, relative to the value; with its unit where it is wider than that, as in `8.2 µs`."""
-    relative = _relative_half_width(row)
-    width = (row.upper - row.lower) / 2
-    return percent(relative) if relative <= 1 or not math.isfinite(width) else engineering(width, row.unit, width / 10)
+    relative, width = _relative_half_width(row), (row.upper - row.lower) / 2
+    if relative <= 1 or row.kind == INTEGRATOR_KIND or not math.isfinite(width):
+        return percent(relative)
+    return engineering(width, row.unit, width / 10)
 
 
 def _nuisance_line(row: ParameterRow, threshold: float | None) -> ParameterLine:

@@ -70,7 +70,7 @@ def test_a_fresh_output_is_left_alone(done, command):
 def test_the_plan_is_shown_before_anything_is_measured(done):
     answer = done.robid("design-excitation", "small.yaml", "--campaign", "validation", "--force")
     assert answer.code == 0
-    rows = [line for line in answer.out.splitlines() if line.startswith(("  turn", "  lift", "plan"))]
+    rows = [line for line in answer.out.splitlines() if line.strip().startswith(("turn", "lift", "plan"))]
     assert len(rows) == 3, answer.out
     assert "the campaign takes 8.0 s" in answer.out
 

@@ -47,9 +47,8 @@ def test_what_is_below_the_floor_is_drawn_again_and_the_rest_stays(shop):
 
 def test_a_list_below_the_floor_is_refused_with_every_index(shop):
     shop.change("controller:", "floor_m: 0\ncontroller:", file="arm.yaml")
-    with pytest.raises(
-        SettingsError, match=r"2 of 3 configurations are out of reach\n  \[0\]: .*\n  \[2\]: it reaches"
-    ):
+    each = r"2 of 3 configurations are out of reach\n  configuration 1: .*\n  configuration 3: it reaches"
+    with pytest.raises(SettingsError, match=each):
         _angles_deg(shop, "{list_deg: [[20, -50], [20, 0], [0, -59]]}")
 
 

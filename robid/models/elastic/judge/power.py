@@ -28,6 +28,9 @@ from robid.robot.description import Robot
 POWER = 0.8
 """Probability with which a defect is shown that counts as detectable."""
 
+_START = 1.0
+"""Deviation of an internal value from which on a prior is that of a start, and states nothing: a factor of e."""
+
 _LARGEST = 1e3  # deviations known beforehand: a defect that takes more is never shown
 
 
@@ -146,8 +149,8 @@ class _Effects:
 
     left: ComplexArray  # (n_conf, n_freq, n_out, n_in, n_defect) What the parameters leave of it, as a residual
     moves: FloatArray  # (n_param, n_defect) How far it moves parameters, which follow it
-    slope: FloatArray  # (n_defect,) Half the negative gradient of the cost by its amount
-    curvature: FloatArray  # (n_defect,) Half the second derivative, the parameters following
+    slope: FloatArray  # (n_defect,) Half the negative gradient of the cost by its amount, priors of starts left out
+    curvature: FloatArray  # (n_defect,) Half the second derivative, the parameters following, likewise
     chance: float  # Cost that a random column saves in the mean
 
 
@@ -159,15 +162,19 @@ def _effects(fitted: FittedModel, listed: tuple[Nuisance, ...]) -> _Effects:
     own = problem.rows(derivative).reshape(-1, internal.size)
     added = problem.rows(columns).reshape(-1, len(listed))
     rest = problem.rows(residual).ravel()
-    # With what is known beforehand of the parameters, as in the fit.
+    # With what is known a priori of the parameters, as in the fit.
     prior = 0.5 / problem.parameters.prior_std**2
     moves = np.linalg.lstsq(own.T @ own + np.diag(prior), own.T @ added, rcond=1e-14)[0]
+    # What the residual asks for it must ask for by itself: a start that is off pulls, however little, and where noise
+    # is far below the assumed model error even that pull would ask for a defect which takes the parameter back to it.
+    stated = np.where(problem.parameters.prior_std < _START, prior, 0.0)
+    follow = np.linalg.lstsq(own.T @ own + np.diag(stated), own.T @ added, rcond=1e-14)[0]
     freedom = problem.residual_kind.parts * int((problem.weight > 0).sum()) - internal.size
     return _Effects(
         left=columns - derivative @ moves,
         moves=moves,
-        slope=added.T @ rest - moves.T @ (own.T @ rest - prior * internal),
-        curvature=(added * added).sum(axis=0) - ((own.T @ added) * moves).sum(axis=0),
+        slope=added.T @ rest - follow.T @ (own.T @ rest - stated * internal),
+        curvature=(added * added).sum(axis=0) - ((own.T @ added) * follow).sum(axis=0),
         chance=float(rest @ rest) / max(freedom, 1),
     )
 

@@ -203,3 +203,16 @@ def test_a_defect_that_the_residual_asks_for_takes_trust_whatever_is_known_befor
 def test_what_chance_asks_for_or_what_cannot_be_takes_nothing(asked, sound):
     known = {"upper": 0.1, "lower": -0.1, "asked": 1.0, "gain": 60.0}
     assert hidden_findings(two_joint_robot(), _hiding(sound, **(known | asked))) == ()
+
+
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+def test_a_start_that_is_off_asks_for_no_defect_where_noise_is_far_below_the_model_error(factor):
+    true = two_joint_robot()
+    springs = tuple(
+        replace(one, stiffness=factor * one.stiffness, damping=factor * one.damping) for one in true.springs
+    )
+    robot = replace(true, springs=springs)
+    frf = exact_frf(true, PLACES[:1], FREQUENCY_HZ, relative_noise=1e-5, seed=3)
+    solution = fit_elastic(robot, frf, OPTIONS, 0.0)
+    found = replace(solution, detectable=detectable_defects(robot, solution, frf, OPTIONS, 0.0))
+    assert asked_for(robot, found) is None
