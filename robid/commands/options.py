@@ -48,8 +48,11 @@ def names_in(section: str) -> Callable[[typer.Context, str], list[str]]:
 
 def export_formats(incomplete: str) -> list[str]:
     """Completes the format of an export."""
-    formats = ("csv", "json", "mat", "mjcf", "robot", "statespace", "uff", "urdf")
-    return [name for name in formats if name.startswith(incomplete)]
+    from robid.models.known import FAMILIES
+    from robid.pipeline.export_campaign import FRF_FORMATS
+
+    formats = {*FRF_FORMATS, *(name for family in FAMILIES.values() for name in family.exports)}
+    return sorted(name for name in formats if name.startswith(incomplete))
 
 
 def known_codes(incomplete: str) -> list[str]:

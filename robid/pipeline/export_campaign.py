@@ -33,7 +33,7 @@ class _Format:
     write: Callable[[Response], bytes] | None = None
 
 
-_FORMATS = {
+FRF_FORMATS = {
     "csv": _Format("", ()),
     "mat": _Format("frf.mat", (".mat",), response_mat),
     "json": _Format("frf.json", (".json",), response_json),
@@ -52,7 +52,7 @@ class FrfExport:
 
     def target(self, folder: Path) -> Path:
         """Returns the folder of the tables, or the file."""
-        return self.output or folder / self.campaign / "export" / _FORMATS[self.format].file
+        return self.output or folder / self.campaign / "export" / FRF_FORMATS[self.format].file
 
 
 def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
@@ -66,11 +66,11 @@ def check_frf_export(options: FrfExport, others: Sequence[str]) -> None:
         problems.append(
             f"S104 `{options.campaign}/frf.h5` in the run folder is HDF5 already (`robid inspect` describes it)"
         )
-    elif options.format not in _FORMATS:
-        known = ", ".join(f"`{name}`" for name in _FORMATS)
+    elif options.format not in FRF_FORMATS:
+        known = ", ".join(f"`{name}`" for name in FRF_FORMATS)
         problems.append(f"S105 responses are exported as one of {known}, not as `{options.format}`")
     elif options.output is not None:
-        suffixes = _FORMATS[options.format].suffixes
+        suffixes = FRF_FORMATS[options.format].suffixes
         if suffixes and options.output.suffix not in suffixes:
             problems.append(f"S106 `--output {options.output}` must end with {' or '.join(suffixes)}")
         if not suffixes and options.output.suffix:
@@ -100,7 +100,7 @@ def export_frf(options: FrfExport, loaded: LoadedExperiment, source: Path, folde
     numbers = list(range(count)) if only is None else [only]
     joints = tuple(joint.name for joint in loaded.robot.joints)
     response = Response(loaded.experiment.name, options.campaign, joints, tuple(numbers), frf.select(numbers))
-    target, write = options.target(folder), _FORMATS[options.format].write
+    target, write = options.target(folder), FRF_FORMATS[options.format].write
     if write is not None:
         return {target: write(response)}
     tables = response_tables(response)
