@@ -220,8 +220,8 @@ def export_model(
             "--format",
             metavar="FORMAT",
             autocompletion=export_formats,
-            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf, control, hdf5; of a campaign's"
-            " excitation csv, mat; of its responses csv, mat, json, uff.",
+            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf, control, hdf5; of a"
+            " campaign's excitation csv, mat; of its responses csv, mat, json, uff.",
         ),
     ],
     fit: Annotated[
