@@ -15,6 +15,7 @@ from robid.frf.quality import Quality, dropped_lines, judge, lowest, middle, sat
 from robid.report.charts import BodeMatrix, BodeResponse, configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import Headline, KeyNumber
+from robid.report.peaks import peak_table
 from robid.report.section import ColumnStyle, Notes, Part, Section, Table
 from robid.signals.quantities import Channel, response_unit
 
@@ -126,7 +127,7 @@ def _section(campaigns: Campaigns, number: int) -> Section:
     responses = tuple(BodeResponse(name, named_by_quantity(frf)) for name, frf in campaigns)
     given, answered = (quantity_title(side) for side in (first.input_channels, first.output_channels))
     bode = BodeMatrix("", responses, input_quantity=given, output_quantity=answered, unit=shown_unit(first))
-    parts: list[Part] = [bode, _table(campaigns)]
+    parts: list[Part] = [bode, *peak_table(campaigns), _table(campaigns)]
     dropped = [sentence for name, frf in campaigns for sentence in _dropped(name, frf)]
     parts += [Notes(tuple(dropped))] if dropped else []
     what = f", {', '.join(_kind(first).outputs)}" if number else ""

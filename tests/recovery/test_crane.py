@@ -7,10 +7,10 @@ import pytest
 
 from robid.errors import DataError
 from robid.frf.estimate import estimate_frf
+from robid.frf.local_model import line_scatter, rational_mode
 from robid.frf.options import EstimateOptions
 from robid.logs.importing import import_log
 from robid.logs.mapping import LogMapping
-from robid.models.elastic.judge.local_model import line_scatter, rational_mode
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 from robid.signals.quantities import describe

@@ -64,11 +64,11 @@ def page_of(*campaigns):
 def test_each_kind_of_response_has_a_section_with_a_row_per_output(arm_frf, bench_frf):
     (alone,) = response_sections([("one", arm_frf), ("two", arm_frf)])
     assert alone.anchor == "responses"
-    assert len(alone.tables[0].rows) == 2 * 2 * 6
+    assert len(alone.tables[-1].rows) == 2 * 2 * 6
     other = replace(bench_frf, input_channels=(Channel("motor", "speed_reference", "rad/s"),))
     both = response_sections([("arm", arm_frf), ("cart", other)])
     assert [section.anchor for section in both] == ["responses-1", "responses-2"]
-    assert [len(section.tables[0].rows) for section in both] == [12, 2]
+    assert [len(section.tables[-1].rows) for section in both] == [12, 2]
 
 
 def test_mixed_quantities_are_named_and_have_both_units(bench_frf):
@@ -83,7 +83,7 @@ def test_mixed_quantities_are_named_and_have_both_units(bench_frf):
 def test_dropped_lines_are_counted_listed_and_crossed(bench_frf):
     gap = with_gap(bench_frf, 3, 7)
     (section,) = response_sections([("log", gap)])
-    assert section.tables[0].texts[0][3:5] == ("238", "2")
+    assert section.tables[-1].texts[0][3:5] == ("238", "2")
     (notes,) = (part for part in section.parts if isinstance(part, Notes))
     assert notes.items == (
         "log, configuration 1: 0°: 2 of 240 lines told too little of motor and were dropped: 14.00, 18.00 Hz.",

@@ -3,36 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
-from scipy.signal import find_peaks
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import ComplexArray, FloatArray
+from robid.frf.extrema import KINDS, Measured, extrema, local_modes, measured_extrema, reading_hz
 from robid.frf.frf import Frf
+from robid.frf.local_model import LINE_SCATTER_FREEDOM, Estimator, Kind, LocalMode, line_scatter
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.judge.fitted import ModelAt
-from robid.models.elastic.judge.local_model import (
-    LINE_SCATTER_FREEDOM,
-    Estimator,
-    Kind,
-    LocalMode,
-    interpolated_mode,
-    line_scatter,
-    parabola_mode,
-    rational_mode,
-)
 from robid.robot.response import response
 
-_MIN_PROMINENCE = np.log(1.1)
-_NOISE_FACTOR = 8.0  # the range of noise alone over some hundred lines is 6 to 7 deviations
 MATCH = 0.15
 _GRID = 601
-KINDS: tuple[Kind, Kind] = ("resonance", "antiresonance")
-_RATIONAL: tuple[Estimator, ...] = (rational_mode, *(partial(rational_mode, half_width_lines=n) for n in (5, 8, 12)))
-_THROUGH_THREE: tuple[Estimator, ...] = (interpolated_mode, parabola_mode)
-_SURE = 0.2  # deviation of a root, in line spacings, that needs no further lines
 _Lines: TypeAlias = tuple[FloatArray, ComplexArray, FloatArray, int]
 
 
@@ -62,25 +46,16 @@ class ExtremumPair:
         return complex(np.nan, np.nan) if self.model is None else self.model.root
 
 
-@dataclass(frozen=True)
-class Element:
-    """One motor's own response in one configuration, hold and delay removed."""
+@dataclass(frozen=True, kw_only=True)
+class Element(Measured):
+    """One motor's own response in one configuration, hold and delay removed, beside the model's."""
 
-    frequency_hz: FloatArray  # (n_freq,) Frequencies [Hz]
-    measured: ComplexArray  # (n_freq,) The measurement
-    variance: FloatArray  # (n_freq,) Its variance
-    freedom: FloatArray  # (n_freq,) Real degrees of freedom of that
     modelled: ComplexArray  # (n_freq,) The model
     dense_hz: FloatArray  # (n_dense,) Further frequencies [Hz]
     dense: FloatArray  # (n_dense,) The model's magnitude there
-    errors: ComplexArray | None = None  # (n_real, n_freq) What each realization adds to the measurement, if any
-
-    def measured_at(self, line: int) -> _Lines:
-        """What a local estimator takes of the measurement."""
-        return self.frequency_hz, self.measured, self.variance, line
 
     def modelled_at(self, line: int) -> _Lines:
-        """The same of the model."""
+        """The same as `measured_at` of the model."""
         return self.frequency_hz, self.modelled, self.variance, line
 
 
@@ -121,16 +96,23 @@ class Elements:
     def at(self, configuration: int, output: int, motor: int) -> Element:
         """Returns one element."""
         at = (configuration, slice(None), output, motor)
-        curves = self._measured[at], self._variance[at], self._freedom[at], self._continuous[at]
-        errors = None if self._errors is None else self._errors[configuration, :, :, output, motor]
-        return Element(self._frequency_hz, *curves, self._dense_hz, self._dense[at], errors)
+        return Element(
+            self._frequency_hz,
+            self._measured[at],
+            self._variance[at],
+            self._freedom[at],
+            None if self._errors is None else self._errors[configuration, :, :, output, motor],
+            modelled=self._continuous[at],
+            dense_hz=self._dense_hz,
+            dense=self._dense[at],
+        )
 
 
 def pair_extrema(element: Element, kind: Kind) -> list[ExtremumPair]:
     """Measured extrema of one kind with their counterparts in the model, both by the same estimator."""
-    dense_hz = element.dense_hz[_extrema(element.dense, np.zeros(element.dense.size), kind)]
+    dense_hz = element.dense_hz[extrema(element.dense, np.zeros(element.dense.size), kind)]
     pairs = []
-    for index in _extrema(np.abs(element.measured), np.sqrt(0.5 * element.variance), kind).tolist():
+    for index in measured_extrema(element, kind):
         near = dense_hz[np.abs(dense_hz / element.frequency_hz[index] - 1) <= MATCH]
         pairs.append(_pair(element, kind, index, near))
     return pairs
@@ -139,44 +121,13 @@ def pair_extrema(element: Element, kind: Kind) -> list[ExtremumPair]:
 def _pair(element: Element, kind: Kind, index: int, near_hz: FloatArray) -> ExtremumPair:
     """Refines both by the best estimator that serves both, on the same lines where the model allows it."""
     lines = _model_lines(element.frequency_hz, near_hz, index)
-    served = _served(element, index, kind)
+    served = local_modes(element, index, kind)
     for estimate, found in served:
         for line in lines:
             counterpart = estimate(*element.modelled_at(line), kind)
             if counterpart is not None and abs(counterpart.frequency_hz / found.frequency_hz - 1) <= MATCH:
-                return ExtremumPair(index, estimate, found, counterpart, _reading(element, index, estimate, served))
-    return ExtremumPair(index, *served[0], None, _reading(element, index, served[0][0], served))
-
-
-def _served(element: Element, index: int, kind: Kind) -> list[tuple[Estimator, LocalMode]]:
-    """What local models find, the best first: of rational ones the narrowest that is sure enough, or the surest."""
-
-    def found_by(estimators: tuple[Estimator, ...]) -> list[tuple[Estimator, LocalMode]]:
-        tried = ((estimate, estimate(*element.measured_at(index), kind)) for estimate in estimators)
-        return [(estimate, found) for estimate, found in tried if found is not None]
-
-    rational = found_by(_RATIONAL)
-    enough = _SURE * _spacing(element, index)
-    sure = [each for each in rational if each[1].std_hz <= enough]
-    best = sure[:1] or sorted(rational, key=lambda each: each[1].std_hz)[:1]
-    return [*best, *found_by(_THROUGH_THREE)]
-
-
-def _spacing(element: Element, index: int) -> float:
-    """Mean distance of a line from its neighbours [Hz]."""
-    return 0.5 * float(element.frequency_hz[index + 1] - element.frequency_hz[index - 1])
-
-
-def _reading(element: Element, index: int, chosen: Estimator, served: list[tuple[Estimator, LocalMode]]) -> float:
-    """Deviation of a reading through three lines [Hz]: what two such readings differ by, at most what lines tell.
-
-    Lines that are of the form of a mechanical response leave nothing to read between them.
-    """
-    if chosen in _RATIONAL:
-        return 0.0
-    gap = _spacing(element, index) / float(np.sqrt(12))
-    through_three = [found.peak_hz for estimate, found in served if estimate in _THROUGH_THREE]
-    return min(gap, float(np.ptp(through_three))) if len(through_three) > 1 else gap
+                return ExtremumPair(index, estimate, found, counterpart, reading_hz(element, index, estimate, served))
+    return ExtremumPair(index, *served[0], None, reading_hz(element, index, served[0][0], served))
 
 
 def _model_lines(frequency_hz: FloatArray, near_hz: FloatArray, index: int) -> list[int]:
@@ -187,17 +138,6 @@ def _model_lines(frequency_hz: FloatArray, near_hz: FloatArray, index: int) -> l
     inner = np.arange(1, frequency_hz.size - 1)
     by_distance = inner[np.argsort(np.abs(frequency_hz[inner] - nearest_hz))]
     return list(dict.fromkeys([index, *by_distance[:2].tolist()]))
-
-
-def _extrema(magnitude: FloatArray, noise: FloatArray, kind: Kind) -> IntArray:
-    """Indices of local extrema of a magnitude that stand out of its noise by their prominence.
-
-    The prominence counts as a difference of magnitudes, so that a dip down to the noise floor counts in full.
-    """
-    sign = 1.0 if kind == "resonance" else -1.0
-    found, properties = find_peaks(sign * np.log(magnitude), prominence=_MIN_PROMINENCE)
-    base = magnitude[found] * np.exp(-sign * properties["prominences"])
-    return np.asarray(found[np.abs(magnitude[found] - base) > _NOISE_FACTOR * noise[found]])
 
 
 def first_resonances(fitted: ModelAt, channels: tuple[str, ...]) -> tuple[FloatArray, FloatArray]:

@@ -10,10 +10,12 @@ import numpy as np
 from scipy.stats import norm, t
 
 from robid.arrays import FloatArray, IntArray, Quantity
+from robid.frf.extrema import KINDS, realization_variance
 from robid.frf.frf import Frf
+from robid.frf.local_model import Kind, half_width
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
-from robid.models.elastic.judge.extrema import KINDS, MATCH, Element, Elements, ExtremumPair, pair_extrema
+from robid.models.elastic.judge.extrema import MATCH, Element, Elements, ExtremumPair, pair_extrema
 from robid.models.elastic.judge.fitted import (
     FittedModel,
     Modes,
@@ -23,7 +25,6 @@ from robid.models.elastic.judge.fitted import (
     poles,
     zeros,
 )
-from robid.models.elastic.judge.local_model import Kind, half_width, jackknife_variance, leaving_out
 from robid.robot.description import Robot
 
 SAME_CONFIGURATION = 1e-3
@@ -133,23 +134,12 @@ def _rows(element: Element, configuration: int, name: str, own: dict[Kind, list[
             kind,
             pair,
             float(element.freedom[pair.line]),
-            _realizations(element, pair, kind),
+            realization_variance(element, pair.estimate, pair.line, kind),
             _nearest(own[kind], pair),
         )
         for kind, pair in pairs
     ]
     return sorted(found, key=lambda row: row.pair.measured_hz)
-
-
-def _realizations(element: Element, pair: ExtremumPair, kind: Kind) -> tuple[tuple[float, float], float] | None:
-    """What realizations scatter about a peak and its pole, if there are two or more."""
-    errors = element.errors
-    if errors is None or len(errors) < 2:
-        return None
-    lines = element.frequency_hz, element.measured, element.variance
-    left_out = leaving_out(pair.estimate, *lines, errors, pair.line, kind)
-    peak, pole = jackknife_variance(left_out).tolist()
-    return (peak, pole), len(errors) - 1.0
 
 
 def _half_widths(rows: list[_Row], frf: Frf, confidence: float) -> FloatArray:

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, two_mass_robot, with_spring_factors
+from robid.frf.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.extrema import own_resonance_errors
 from robid.models.elastic.judge.fitted import damping_ratio, fitted_model, frequency_std, poles, zeros
-from robid.models.elastic.judge.local_model import interpolated_mode, parabola_mode, rational_mode
 from robid.models.elastic.judge.resonances import tabulate_resonances
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model

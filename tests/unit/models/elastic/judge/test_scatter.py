@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm, t
 
-from robid.models.elastic.judge.local_model import (
+from robid.frf.local_model import (
     LINE_SCATTER_FREEDOM,
     half_width,
     jackknife_variance,
