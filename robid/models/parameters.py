@@ -10,7 +10,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.artifacts.results import grade_from_artifact
-from robid.report.page import FitReport, Headline, KeyNumber
+from robid.report.page import Basis, FitReport, Headline, KeyNumber
 from robid.report.parameter_section import count_identified, identified_phrase, parameter_numbers, parameter_table
 from robid.report.parameters import Estimates, ParameterRow
 from robid.report.section import Curve, Section
@@ -40,8 +40,12 @@ def fit_report(
     summary: Mapping[str, float],
     terminal: Estimates | None = None,
     unknown: str = "",
+    worst: tuple[str, str] = ("", ""),
 ) -> FitReport:
-    """Lays out a fit for page, terminal and summary; `unknown` is a sentence on what its data cannot show."""
+    """Lays out a fit for page, terminal and summary.
+
+    `unknown` is a sentence on what its data cannot show, `worst` its worst error on new data and the limit of that.
+    """
     grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
     if outcome is None:
         named = shown.data.settings.validate_on is not None
@@ -67,7 +71,15 @@ def fit_report(
         parameters=estimates.rows,
         summary={**common, **summary, **parameter_summary(estimates.rows)},
         terminal=(parameter_table(estimates if terminal is None else terminal),),
+        basis=basis_of(shown, worst),
     )
+
+
+def basis_of(shown: Shown, worst: tuple[str, str]) -> Basis:
+    """Says what a fit's grade rests on; `worst` is its worst error on new data, and the limit of that."""
+    settings = shown.data.settings
+    validated = "" if shown.validation is None else settings.validate_on or ""
+    return Basis(settings.campaigns, validated, *worst)
 
 
 def _told(found: str, estimates: Estimates, grade: Grade) -> str:

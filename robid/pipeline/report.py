@@ -43,6 +43,7 @@ from robid.report.experiment import (
     experiment_section,
     run_section,
 )
+from robid.report.fits import fits_table
 from robid.report.page import FitReport, ReportContent, Verdict, fit_sections, render
 from robid.report.responses import (
     measured_sentence,
@@ -93,6 +94,7 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
         title=loaded.experiment.name,
         verdict=_verdict(loaded, run, fits, warnings),
         robot=loaded.robot.name if loaded.experiment.robot is not None else "known by its logs alone",
+        fits=fits_table(fits),
         headlines=tuple(fit.headline for fit in fits) or response_headlines(alone),
         warnings=warnings,
         sections=(

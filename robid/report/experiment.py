@@ -15,6 +15,8 @@ from robid.report.section import Cell, ColumnStyle, Notes, Part, Section, Table
 from robid.report.terminal_table import Column, Footnotes, TerminalTable
 from robid.signals.quantities import METRES, readable, readable_units
 
+_LEAVES = ("Crest factor", "Detection lines", "Period", "RMS injected", "Lines")
+
 
 @dataclass(frozen=True)
 class ConfigurationRow:
@@ -121,7 +123,13 @@ def _excitation_table(rows: tuple[ExcitationRow, ...]) -> Table:
         signal = (row.campaign, str(row.lines), band, duration(row.duration_s), rms_text(row), str(row.detection_lines))
         snr = significant(row.worst_snr_db) + ("" if row.worst_snr_db is None else " dB")
         cells.append((*signal, duration(row.period_s), significant(row.crest_factor), snr))
-    return Table((*heads, "Period", "Crest factor", "Worst SNR"), tuple(cells), title="Excitation plan", fit="compact")
+    return Table(
+        (*heads, "Period", "Crest factor", "Worst SNR"),
+        tuple(cells),
+        title="Excitation plan",
+        fit="compact",
+        leaves=_LEAVES,
+    )
 
 
 def _peak_table(row: ExcitationRow) -> Table:

@@ -53,6 +53,16 @@ class Headline:
 
 
 @dataclass(frozen=True)
+class Basis:
+    """What a fit's grade rests on: its data, and its worst error on data that it never saw."""
+
+    fitted: tuple[str, ...] = ()  # campaigns that it was fitted to
+    validated: str = ""  # campaign that it was validated on; empty where none was
+    error: str = ""  # its worst error there, with where; empty where that is unknown
+    limit: str = ""  # from which error on the fit fails
+
+
+@dataclass(frozen=True)
 class FitReport:
     """What one fit adds to page, terminal and summary; all that these know of its model."""
 
@@ -64,6 +74,7 @@ class FitReport:
     parameters: tuple[ParameterRow, ...] = ()  # its parameters
     summary: dict[str, float] = field(default_factory=dict)  # its numbers by dotted name
     terminal: tuple[Group, ...] = ()  # what the end of a run prints
+    basis: Basis = Basis()  # what its grade rests on
 
 
 @dataclass(frozen=True)
@@ -73,6 +84,7 @@ class ReportContent:
     title: str  # title of the page, usually the experiment's name
     verdict: Verdict  # the answer in one line
     robot: str  # name of the robot
+    fits: Table | None = None  # the fits, a row each
     headlines: tuple[Headline, ...] = ()  # what stands at the top about each fit, the most important first
     warnings: tuple[str, ...] = ()  # what the reader must know before using a number
     sections: tuple[Section, ...] = ()  # everything below
@@ -105,7 +117,7 @@ def _drawn(value: Any) -> Any:  # noqa: ANN401
     return value if value is None or isinstance(value, str | int) else rounded(value)
 
 
-_SCRIPTS = ("page", "choice", "quality", "bode", "ratios", "curves", "bars", "skeletons", "waterfall")
+_SCRIPTS = ("page", "choice", "quality", "bode", "ratios", "curves", "bars", "fitting", "skeletons", "waterfall")
 
 
 def render(content: ReportContent) -> str:

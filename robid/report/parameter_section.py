@@ -31,6 +31,8 @@ from robid.report.terminal_table import Column, Footnotes, TerminalTable
 from robid.robot.parameters import PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
+_LEAVES = ("Change", "In interval", "Bootstrap", "Off truth", "±", "Nominal", "Physical", "Predicts ±", "Truth")
+"""Columns that leave a narrow page, the first first."""
 Groups: TypeAlias = Sequence[tuple[str, Sequence[ParameterLine]]]
 _ASSUMED = partial(Cell, badge="a", hint="assumed: no published source")
 _NUISANCE = (
@@ -113,23 +115,22 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
         (both and estimates.with_physical, "Physical", "number", lambda line: line.physical),
         (True, f"{percent(estimates.level)} interval", "number", lambda line: f"{line.lower} … {line.upper}"),
         (repeated, "Bootstrap", "number", lambda line: line.bootstrap),
-        (True, "Unit", "text", lambda line: line.unit),
+        (True, "Unit", "text", lambda line: line.unit.replace(" ", "\N{NO-BREAK SPACE}")),
         (own, "±", "number", lambda line: line.half_width),
         (nominal, "Nominal", "number", lambda line: _ASSUMED(line.nominal) if line.assumed else line.nominal),
         (nominal, "Change", "number", lambda line: line.change),
         (with_truth, "Truth", "number", lambda line: line.truth),
         (own and with_truth, "Off truth", "number", lambda line: line.off_truth),
         (with_truth, "In interval", "text", lambda line: within(line.covered)),
-        (True, "Note", "prose", lambda line: line.note),
     )
     shown = [column for column in every if column[0]]
     rows = tuple(
-        Row(tuple(cell(line) for *_, cell in shown), faint=not line.identified, group=title)
+        Row(tuple(cell(line) for *_, cell in shown), faint=not line.identified, group=title, note=line.note)
         for title, lines in groups
         for line in lines
     )
     heads = tuple(head for _, head, *_ in shown)
-    return Table(heads, rows, caption=caption, styles=tuple(style for *_, style, _ in shown))
+    return Table(heads, rows, caption=caption, styles=tuple(style for *_, style, _ in shown), leaves=_LEAVES)
 
 
 def count_identified(rows: Sequence[ParameterRow]) -> int:

@@ -31,6 +31,7 @@ class Row:
     faint: bool = False  # whether the reader should not rely on it
     group: str = ""  # title above it and its neighbours of the same group
     choice: str = ""  # what the reader chooses it by, where the table has a choice
+    note: str = ""  # what the reader has to know of it, in a line below
 
 
 @dataclass(frozen=True)
@@ -45,6 +46,7 @@ class Table:
     prose: bool = False  # whether the cells are sentences, which stand to the left and wrap
     styles: tuple[ColumnStyle, ...] = ()  # style of each column; a name and numbers when empty
     choice: str = ""  # what the reader chooses rows by; empty for no choice
+    leaves: tuple[str, ...] = ()  # heads of the columns that leave where there is no room, the first first
     footer: tuple[tuple[str, str], ...] = ()  # name and text of lines below the rows
     # How much room it takes: all of the width, as little as it needs, or a height of its own to scroll in.
     fit: Literal["wide", "compact", "tall", "compact tall"] = "wide"

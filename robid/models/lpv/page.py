@@ -11,7 +11,7 @@ from robid.models.lpv.fit.responses import expected_share
 from robid.models.lpv.fit.solution import Held, LpvSolution, Ports
 from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
-from robid.models.lpv.judge import LpvValidation
+from robid.models.lpv.judge import UNUSABLE, LpvValidation
 from robid.models.parameters import MEASURED, MODEL, curve, estimates_of, fit_report, quantile
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
@@ -261,6 +261,9 @@ def report(shown: Shown) -> FitReport:
             *parameter_section(estimates, conventions),
         ),
         summary=_summary(solution, validation),
+        worst=("", "")
+        if validation is None
+        else (f"{percent(_worst(validation.held))} of the response", percent(UNUSABLE)),
     )
 
 

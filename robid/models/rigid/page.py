@@ -13,7 +13,7 @@ from robid.models.rigid.courses import course, motors_section, new_joins, own_jo
 from robid.models.rigid.files import solution_from_artifact, validation_from_artifact
 from robid.models.rigid.fit.gains import describe_gains
 from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, RowResiduals
-from robid.models.rigid.judge.motors import Motors, motors_of
+from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors, motors_of
 from robid.models.rigid.judge.validating import RigidValidation
 from robid.models.rigid.settings import rigid_fit
 from robid.report.numbers import MISSING, percent, significant
@@ -244,9 +244,16 @@ def report(shown: Shown) -> FitReport:
         sections=sections(solution, estimates, motors, validation, sensed, pushed, new),
         summary=_summary(solution, joints, estimates, validation),
         unknown=_gains(solution, joints),
+        worst=("", "") if validation is None else _worst_error(validation, motors),
         # What is not identified is told in one sentence.
         terminal=replace(estimates, rows=tuple(row for row in estimates.rows if row.identified)),
     )
+
+
+def _worst_error(validation: RigidValidation, motors: Motors) -> tuple[str, str]:
+    """Writes the error of the worst motor's torque over its size, and its limit."""
+    name, _, worst = motors.worst(validation.relative_error)
+    return f"{percent(worst)} of the torque of {name}", percent(MOTOR_ERROR_LIMIT)
 
 
 def _gains(solution: RigidSolution, joints: Sequence[str]) -> str:

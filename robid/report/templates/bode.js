@@ -270,7 +270,7 @@
     function draw() {
       const { response: which, configuration, view } = chosen.state;
       const response = figure.responses[which], one = response.configurations[configuration];
-      const smallest = response.inputs.length > 3 && !window.matchMedia("print").matches ? 780 : 280;
+      const smallest = response.inputs.length > 3 && !window.matchMedia("print").matches ? 700 : 280;
       const g = geometry(response, Math.max(host.parentElement.clientWidth, smallest));
       host.style.width = `${g.width}px`;
       const drawn = matrix(response, one, view, g, figure.measured);

@@ -126,6 +126,66 @@ def test_a_table_and_the_enlarged_element_are_chosen_from_alike(tmp_path, arm):
     ]  # fmt: skip
 
 
+CLIPPED = """
+  window.addEventListener('load', () => setTimeout(() => {
+    const box = (node) => node.getBoundingClientRect();
+    const found = [];
+    if (document.documentElement.scrollWidth > window.innerWidth) found.push('page');
+    for (const node of document.querySelectorAll('.scroller')) {
+      const wide = node.scrollWidth > node.clientWidth + 1;
+      const clipped = WIDTH >= 800 || getComputedStyle(node).overflowX !== 'auto';
+      if (wide && clipped) found.push(node.textContent.trim().slice(0, 40));
+    }
+    for (const plot of document.querySelectorAll('.js-plotly-plot')) {
+      const own = box(plot);
+      for (const text of own.width ? plot.querySelectorAll('svg text') : []) {
+        const its = box(text);
+        if (its.width && (its.left < own.left - 1 || its.right > own.right + 1)) found.push(text.textContent);
+      }
+    }
+    const lines = [...document.querySelectorAll('.left-out')].filter((line) => !line.hidden);
+    const left = lines.map((line) => line.textContent);
+    parent.postMessage([window.innerWidth, found, left], '*');
+  }, 1500));
+"""
+FRAME = """<body style="margin: 0"><iframe src="{page}" style="border: 0; width: {width}px; height: 1200px"></iframe>
+<script>window.addEventListener('message', (event) => {{ document.title = JSON.stringify(event.data); }});</script>"""
+
+
+@pytest.mark.parametrize("width", [1400, 800, 400])
+def test_nothing_is_clipped_and_columns_that_leave_are_named(width, tmp_path, arm_content):
+    page = tmp_path / "report.html"
+    page.write_text(render(arm_content), encoding="utf-8")
+    inner = add_script(page, CLIPPED.replace("WIDTH", str(width)))
+    frame = tmp_path / "frame.html"
+    frame.write_text(FRAME.format(page=inner.name, width=width), encoding="utf-8")
+    html, console = open_page(
+        frame, tmp_path, "--dump-dom", "--window-size=1500,1300", "--allow-file-access-from-files"
+    )
+    assert console == []
+    seen, clipped, left = json.loads(re.search(r"<title>(\[.*?\])</title>", html).group(1))
+    assert seen == width
+    assert clipped == []
+    # A table has room on a wide page; on the narrowest, columns leave.
+    assert any(left) == (width < 800) or width == 800
+
+
+def test_columns_that_left_come_back(tmp_path, arm_content):
+    page = tmp_path / "report.html"
+    page.write_text(render(arm_content), encoding="utf-8")
+    script = """
+      const table = document.querySelector('#fit-1-parameters table'), line = table.parentElement.nextElementSibling;
+      const hidden = () => [...table.tHead.rows[0].cells].filter((cell) => cell.hidden).map((cell) => cell.textContent);
+      const seen = [hidden().length > 0, hidden().every((head) => line.textContent.includes(head))];
+      line.querySelector('button').click(); seen.push(hidden().length);
+      line.querySelector('button').click(); seen.push(hidden().length > 0);
+      document.title = JSON.stringify(seen);
+    """
+    html, console = open_page(add_script(page, script), tmp_path, "--dump-dom", "--window-size=500,1300")
+    assert console == []
+    assert json.loads(re.search(r"<title>(\[.*?\])</title>", html).group(1)) == [True, True, 0, True]
+
+
 def expected_first_points(fit):
     one, two, other = (
         fit.frf.response[0, 5, 0, 0],

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from statistics import fmean, median
 
 from rich.console import Group
 
 from robid.models.elastic.files import validation_from_artifact
+from robid.models.elastic.judge.grading import COST_RATIO_LIMIT
 from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.gears import gear_section
@@ -23,7 +25,7 @@ from robid.models.elastic.page.resonances import (
     resonance_table,
 )
 from robid.models.family import Shown
-from robid.models.parameters import parameter_summary
+from robid.models.parameters import basis_of, parameter_summary
 from robid.report.charts import BodeMatrix, BodeResponse, Mark
 from robid.report.costs import (
     average_and_worst,
@@ -34,7 +36,7 @@ from robid.report.costs import (
     start_number,
     start_section,
 )
-from robid.report.numbers import MINUS, MISSING, percent
+from robid.report.numbers import MINUS, MISSING, number_of, percent, significant
 from robid.report.page import FitReport, Headline
 from robid.report.parameter_section import (
     count_identified,
@@ -286,7 +288,14 @@ def _recovery(fit: FitContent) -> dict[str, float]:
 def report(shown: Shown) -> FitReport:
     """Lays out an elastic fit for page, terminal and summary."""
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
-    return fit_report(fit_content(shown), validation, shown.told)
+    worst = ("", "") if validation is None else worst_error(validation)
+    return replace(fit_report(fit_content(shown), validation, shown.told), basis=basis_of(shown, worst))
+
+
+def worst_error(validation: Validation) -> tuple[str, str]:
+    """Writes the largest error over what noise and the assumed model error allow, with where, and its limit."""
+    place = number_of(validation.worst_configuration)
+    return f"{significant(validation.cost_ratio, 2)} of allowed, configuration {place}", significant(COST_RATIO_LIMIT)
 
 
 def compare(every: Sequence[Shown]) -> dict[str, float]:

@@ -146,8 +146,8 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
     if not rows:
         return ()
     interval = f"{percent(level)} interval"
-    peaks = ("Peak or dip [Hz]", interval, "Model's [Hz]", "Off", "In interval")
-    poles = ("Pole or zero [Hz]", interval, "Model's [Hz]", interval, "Damping")
+    peaks = ("Peak or dip [Hz]", interval, "Model's peak [Hz]", "Off", "In interval")
+    poles = ("Pole or zero [Hz]", "Interval of pole", "Model's pole [Hz]", "Interval of model's", "Damping")
     table = Table(
         ("Conf.", "Channel", "Kind", *peaks, *poles),
         tuple(_row(row, frf) for row in rows),
@@ -157,6 +157,7 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
             "strong", "number", "number", "number", "number",
         ),
         choice="Configuration",
+        leaves=("In interval", *poles[1:4:2], "Pole or zero [Hz]", interval, "Conf.", "Off"),
         fit="tall",
     )  # fmt: skip
     parts = table, *repeat_tables(rows, level)

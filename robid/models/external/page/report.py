@@ -12,6 +12,7 @@ from robid.models.external.files import solution_from_artifact, validation_from_
 from robid.models.external.fit.data import Agreement
 from robid.models.external.fit.options import CouplingOptions
 from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.judge.plausible import NRMSE_LIMIT
 from robid.models.external.judge.validating import ExternalValidation
 from robid.models.external.page.charts import excitation_figures, locus_figure, response_figures, step_figure
 from robid.models.external.page.data import coupling_section, new_section, own_section, own_table
@@ -217,7 +218,14 @@ def report(shown: Shown) -> FitReport:
         numbers=_key_numbers(solution, validation),
         sections=sections(solution, estimates, data, options),
         summary=_summary(solution, validation),
+        worst=("", "") if validation is None else _worst_error(validation),
     )
+
+
+def _worst_error(validation: ExternalValidation) -> tuple[str, str]:
+    """Writes the worst output's share of motion that is not predicted, 1 - NRMSE, and its limit."""
+    worst = min(validation.agreements, key=lambda each: each.nrmse)
+    return f"{percent(1 - worst.nrmse)} of the motion of {worst.output}", percent(1 - NRMSE_LIMIT)
 
 
 def _unknown(solution: ExternalSolution) -> str:
