@@ -285,9 +285,9 @@ def compare_frfs(
     responses: Annotated[
         list[str],
         typer.Argument(
-            metavar="RESPONSE...",
-            help="Two to six of EXPERIMENT.yaml:CAMPAIGN (its run folder is runs/<name>) or a frf.h5; the first is what"
-            " the others are held against.",
+            metavar="RUN... or RESPONSE...",
+            help="Two run folders, as runs/kr300 (RUN:FIT for one of its fits); or two to six responses, each"
+            " EXPERIMENT.yaml:CAMPAIGN (its run folder is runs/<name>) or a frf.h5; the first is the reference.",
         ),
     ],
     output: Annotated[Path | None, typer.Option("--output", help="Write a page (.html) that overlays them.")] = None,
@@ -295,10 +295,12 @@ def compare_frfs(
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
-    """Lays frequency responses of several campaigns or runs over each other, and says where they differ."""
+    """Sets the fits of two runs, or frequency responses, side by side, and says where they differ."""
     from robid.commands.compare import compare_responses
+    from robid.commands.compare_runs import compare_runs, names_runs
 
-    return compare_responses(responses, output, force=force, as_json=as_json)
+    chosen = compare_runs if names_runs(responses) else compare_responses
+    return chosen(responses, output, force=force, as_json=as_json)
 
 
 @app.command("status")

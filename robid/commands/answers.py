@@ -8,6 +8,7 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 
 from robid.commands.compare import CompareAnswer
+from robid.commands.compare_runs import RunsAnswer
 from robid.commands.doctor import DoctorAnswer
 from robid.commands.explain import ExplainAnswer, LettersAnswer
 from robid.commands.export import ExportAnswer
@@ -31,7 +32,7 @@ ANSWERS: dict[str, tuple[type[Answer], ...]] = {
     "reprocess": (BatchAnswer, RowAnswer, DryRunAnswer),
     "study": (StudyAnswer,),
     "export": (ExportAnswer,),
-    "compare": (CompareAnswer,),
+    "compare": (CompareAnswer, RunsAnswer),
     "status": (StatusAnswer,),
     "upgrade": (UpgradeAnswer,),
     "inspect": (ArtifactAnswer, LogAnswer),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -31,12 +31,13 @@ from robid.report.comparison import (
     comparison_verdict,
     element_cells,
 )
-from robid.report.page import render
+from robid.report.page import ReportContent, render
 from robid.report.terminal_table import Column, Footnotes, TerminalTable
 
 _FEWEST, _MOST = 2, 6
 _SHOWN = 12
 _PAGE = ".html"
+_NAMES = "name EXPERIMENT.yaml:CAMPAIGN or a frf.h5 for each, as `robid compare --help` says"
 _LEAVES = {"Lines": 1, "Phase": 2, "Magnitude": 3, "Within band": 4, "Limit": 5, "Square / variance": 6}
 """Which columns are left out first where there is no room."""
 
@@ -95,13 +96,10 @@ def compare_responses(named: Sequence[str], output: Path | None, *, force: bool,
     first, others = responses[0], [_compared(responses[0], other) for other in responses[1:]]
     page = None
     if output is not None:
-        content = comparison_content(first.label, first.frf, others)
-        # Without times, so that the same comparison makes the same page.
-        text = stamped(render(content), Provenance(stage="compare"))
         read = {f"the response {response.label}": response.path for response in responses}
-        page = write_export(output, text.encode(), read, force=force, kind="comparison")
+        page = write_page(output, comparison_content(first.label, first.frf, others), read, force=force)
     if as_json:
-        found = tuple(_told(other) for other in others)
+        found = tuple(comparison_told(other) for other in others)
         print_json(CompareAnswer(first.label, found, None if output is None else str(output), page))
         return 0
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=False)
@@ -113,15 +111,30 @@ def compare_responses(named: Sequence[str], output: Path | None, *, force: bool,
     return 0
 
 
+def write_page(
+    output: Path, content: ReportContent, read: Mapping[str, Path], *, force: bool
+) -> Literal["made", "fresh"]:
+    """Writes a comparison's page; without times, so that the same comparison makes the same page."""
+    text = stamped(render(content), Provenance(stage="compare"))
+    return write_export(output, text.encode(), read, force=force, kind="comparison")
+
+
 def _check(named: Sequence[str], output: Path | None) -> None:
-    problems = []
     if not _FEWEST <= len(named) <= _MOST:
-        problems.append(f"S003 {_FEWEST} to {_MOST} responses are compared, not {len(named)}")
+        what = f"S003 {_FEWEST} to {_MOST} responses are compared, not {len(named)}"
+        raise SettingsError(what, where="compare", remedy=_NAMES)
+    check_output(output)
+
+
+def check_output(output: Path | None) -> None:
+    """Refuses an output that is no page.
+
+    Raises:
+        SettingsError: If its name does not end with `.html`.
+    """
     if output is not None and output.suffix != _PAGE:
-        problems.append(f"S004 `--output {output}` must end with {_PAGE}")
-    if problems:
-        remedy = "name EXPERIMENT.yaml:CAMPAIGN or a frf.h5 for each, as `robid compare --help` says"
-        raise SettingsError("; ".join(problems), where="compare", remedy=remedy)
+        what = f"S004 `--output {output}` must end with {_PAGE}"
+        raise SettingsError(what, where="compare", remedy=f"name a page, as comparison{_PAGE}")
 
 
 def _load(name: str) -> _Named:
@@ -166,7 +179,8 @@ def _compared(first: _Named, other: _Named) -> Compared:
         raise DataError(error.what, where=where, remedy=error.remedy) from error
 
 
-def _told(other: Compared) -> ComparisonTold:
+def comparison_told(other: Compared) -> ComparisonTold:
+    """Writes a comparison for programs."""
     aligned = other.comparison.aligned
     return ComparisonTold(
         label=other.label,

@@ -93,7 +93,9 @@ class ReportContent:
 def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
     """Puts the sections of all fits after each other, under their fit's name where there are several."""
     return tuple(
-        replace(section, anchor=f"fit-{number}-{section.anchor}", group=fit.headline.name if len(fits) > 1 else "")
+        replace(
+            section, anchor=f"fit-{number}-{section.anchor}", group=f"Fit {fit.headline.name}" if len(fits) > 1 else ""
+        )
         for number, fit in enumerate(fits, 1)
         for section in fit.sections
     )

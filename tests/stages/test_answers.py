@@ -34,6 +34,7 @@ CASES = {
     ("study", "study"): ("study", "study.yaml"),
     ("export", "export"): ("export", "small.yaml", "--format", "json"),
     ("compare", "compare"): ("compare", "small.yaml:estimation", "runs/small/estimation/frf.h5"),
+    ("compare", "compare-runs"): ("compare", "runs/small", "runs/small"),
     ("status", "status"): ("status", "small.yaml"),
     ("upgrade", "upgrade"): ("upgrade", "small.yaml"),
     ("inspect", "inspect-artifact"): ("inspect", "runs/small/estimation/record.h5"),
