@@ -29,6 +29,9 @@ from robid.signals.log_options import Dialect
 _DRAWN = 24
 """Signals that are drawn at most."""
 
+_ROUNDING = 1e-13
+"""Amplitudes below this share of the largest are not drawn."""
+
 _STYLES: tuple[ColumnStyle, ...] = ("name", "text", "text", "number", "number", "number", "prose")
 
 
@@ -73,7 +76,7 @@ def _variables(found: Findings) -> Section:
             (
                 signal.name,
                 role_text(signal),
-                pretty_unit(signal.column.unit),
+                _unit(signal),
                 significant(signal.quality.lowest),
                 significant(signal.quality.highest),
                 significant(signal.quality.resolution),
@@ -90,6 +93,13 @@ def _variables(found: Findings) -> Section:
         told.append("Of another length or topic: " + ", ".join(one.key for one in found.others))
     parts = (Table(columns, rows, styles=_STYLES), Notes(tuple(f"{one[:1].upper()}{one[1:]}" for one in told)))
     return Section("Variables", "", parts, "variables")
+
+
+def _unit(signal: Signal) -> str:
+    """The unit that a log states, or with a question mark the one that other signals imply."""
+    if signal.states_unit:
+        return pretty_unit(signal.column.unit or signal.hint.unit)
+    return f"{pretty_unit(signal.implied)}?" if signal.implied else "not stated"
 
 
 def _pictures(found: Findings) -> Section:
@@ -115,10 +125,15 @@ def _curves(found: Findings, signal: Signal) -> tuple[Figure, Figure]:
         blocks = cut_periods(values[found.unbroken], found.shared.whole, last=from_end(found.shared))
         spectra = spectra_of_periods(blocks, found.step_s)
     frequency = tuple(spectra.frequency_hz.tolist())
-    amplitude, has_noise = tuple(spectra.amplitude.tolist()), bool(len(spectra.noise))
+    has_noise, highest = bool(len(spectra.noise)), float(spectra.amplitude.max(initial=0.0))
+    # Below that there is nothing but rounding.
+    amplitude, noise = (
+        tuple(np.where(each > _ROUNDING * highest, each, np.nan).tolist())
+        for each in (spectra.amplitude, spectra.noise)
+    )
     curves = [Curve("amplitude", frequency, amplitude, points=has_noise, symbol="small")]
     if has_noise:
-        curves.append(Curve("scatter of the periods", frequency, tuple(spectra.noise.tolist())))
+        curves.append(Curve("scatter of the periods", frequency, noise))
     return over, Figure(signal.name, "frequency [Hz]", axis, tuple(curves), height=240, legend=has_noise)
 
 
@@ -235,6 +250,5 @@ def _table(found: Findings) -> TerminalTable:
         quality = signal.quality
         ends = significant(quality.lowest), significant(quality.highest)
         step = "" if quality.resolution is None else f"{quality.resolution:.4g}"
-        unit = signal.column.unit or signal.hint.unit
-        table.add(signal.name, role_text(signal), unit, *ends, step, "; ".join(remarks(found, signal)))
+        table.add(signal.name, role_text(signal), _unit(signal), *ends, step, "; ".join(remarks(found, signal)))
     return table

@@ -235,8 +235,17 @@ def grade_sections(found: Found) -> tuple[Section, ...]:
     if not graded:
         return ()
     ordered = sorted(graded.items(), key=lambda item: (item[0][0], -len(item[1])))
-    rows = [(WORDS[value], str(len(ids)), sentence, listed(ids)) for (value, sentence), ids in ordered[:MOST_SHOWN]]
+    rows = [
+        (WORDS[value], str(len(ids)), _reasons(value, sentence), listed(ids))
+        for (value, sentence), ids in ordered[:MOST_SHOWN]
+    ]
     more = f"The first {MOST_SHOWN} of {len(ordered)}; all are in the table." if len(ordered) > MOST_SHOWN else ""
     styles: tuple[ColumnStyle, ...] = ("name", "number", "prose", "prose")
     table = Table(("Grade", "Rows", "Why", "Which"), tuple(rows), styles=styles, caption=more)
     return (Section("Grades", "The worst first.", (table,)),)
+
+
+def _reasons(value: int, sentence: str) -> str:
+    """What a grade's sentence says beyond the grade."""
+    rest = sentence[len(WORDS[value]) :].strip(":;, ")
+    return f"{rest[:1].upper()}{rest[1:]}" if rest.strip(".") else "Nothing speaks against it."

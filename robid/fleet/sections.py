@@ -237,7 +237,7 @@ def _table(parameters: dict[str, Collected]) -> Table:
         rows.append((name, kind_title(of.kind), scale.unit, str(len(values)), stated, *numbers, relative))
     columns = ("Parameter", "Kind", "Unit", "Rows", "Robot file", "Median", "Lowest", "Highest", "Half interval")
     styles: tuple[ColumnStyle, ...] = ("name", "text", "text", *("number",) * 6)
-    return Table(columns, tuple(rows), styles=styles, fit="compact")
+    return Table(columns, tuple(rows), styles=styles, leaves=("Kind", "Rows", "Lowest", "Highest", "Robot file"))
 
 
 def _figure(found: Found, fit: str, name: str, of: Collected) -> Figure:

@@ -147,7 +147,8 @@ def start_section(rows: tuple[StartRow, ...]) -> tuple[Section, ...]:
     if not rows:
         return ()
     lead = "Where each start of the optimizer ended, by cost. Start 1 is the robot file."
-    parts = (Beside((_start_figure(rows), _start_table(rows))),)
+    table = _start_table(rows)
+    parts = (Beside((_start_figure(rows), table)) if len(rows) > 1 else table,)
     return (Section("Starts and minima", f"{lead} {effort_text(rows)}".strip(), parts, "starts"),)
 
 

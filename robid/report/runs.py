@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from robid.frf.frf import Frf
 from robid.report.comparison import Compared, comparison_content
-from robid.report.numbers import MISSING, engineering, percent
+from robid.report.numbers import engineering, percent
 from robid.report.page import ReportContent, Verdict
 from robid.report.parameters import kind_title
 from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Section, Table
@@ -141,8 +141,13 @@ def parameter_cells(each: ParameterDifference) -> tuple[str, ...]:
     for value, (low, high) in sides:
         half = 0.5 * (high - low)
         unit = "" if each.unit == "1" else each.unit
-        written += [engineering(value, unit, half), percent(half / abs(value)) if value else MISSING]
+        written += [engineering(value, unit, half), _half(value, half, unit)]
     return (each.name, *written, percent(each.relative, signed=True), f"{each.ratio:.2f}")
+
+
+def _half(value: float, half: float, unit: str) -> str:
+    """Half an interval, relative to its value, or with its unit where it is wider than that."""
+    return percent(half / abs(value)) if half < abs(value) else engineering(half, unit, half / 10)
 
 
 def difference_word(each: ParameterDifference) -> str:

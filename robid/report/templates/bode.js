@@ -190,6 +190,7 @@
     const chosen = response.configurations[configuration];
     const style = { line: 1.6, dot: 6 };
     document.getElementById("enlarged-title").textContent = `${elementName(matrix, response, row, column)}, configuration ${chosen.label}`;
+    document.getElementById("enlarged-key").replaceChildren(legend(matrix));
     const marks = chosen.marks.filter(([channel]) => channel === response.outputs[row] && (response.inputs[column] === channel || response.inputs.length === 1));
     document.getElementById("enlarged-caption").textContent = describe(matrix, response, chosen, PHASE)
       + (marks.length ? ` Dotted lines: ${response.mark_title}.` : "");

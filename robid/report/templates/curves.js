@@ -5,6 +5,7 @@
   const DASHES = ["solid", "dash", "dot", "dashdot"];
   const SYMBOLS = { dot: "circle", small: "circle", cross: "x-thin", ring: "circle-open", square: "square", diamond: "diamond" };
   const BAND = 0.2;
+  const MOST_DECADES = 8;
 
   function scale(values, isLog, text, given) {
     const known = (given || values).filter((value) => value !== null && (!isLog || value > 0));
@@ -12,8 +13,9 @@
     if (!known.length || !isLog) return axis({ title: title(text), showline: true, ...(given ? { range: given } : {}) });
     const ends = [Math.log10(low), Math.log10(high)];
     const pad = Math.max(0.04 * (ends[1] - ends[0]), 0.01);
-    const ticks = high / low > 1e3 ? logTicks(low / 2, high * 2, [1]) : logTicks(low / 2, high * 2);
-    return axis({ title: title(text), showline: true, type: "log", range: [ends[0] - pad, ends[1] + pad], tickvals: ticks, ticktext: ticks.map(String) });
+    const decades = logTicks(low / 2, high * 2, [1]), every = Math.ceil(decades.length / MOST_DECADES);
+    const ticks = high / low > 1e3 ? decades.filter((_, index) => index % every === 0) : logTicks(low / 2, high * 2);
+    return axis({ title: title(text), showline: true, type: "log", range: [ends[0] - pad, ends[1] + pad], tickvals: ticks, ticktext: ticks.map((tick) => (tick >= 1e-3 && tick < 1e5 ? String(tick) : `10<sup>${Math.round(Math.log10(tick))}</sup>`)) });
   }
 
   // Labels in place of numbers at 0, 1, ...; all of them where there is room.

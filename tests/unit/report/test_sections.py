@@ -88,8 +88,8 @@ def family_content(frf):
         footer=(("Sum", "2"),),
     )
     sections = (
-        Section("Response", "", (bode, Notes(("a note",))), "response", "rigid"),
-        Section("Parameters", "", (ratios, Beside((bars, points)), Folded("More", (table,))), "parameters", "rigid"),
+        Section("Response", "", (bode, Notes(("a note",))), "response", "Fit rigid"),
+        Section("Parameters", "", (ratios, Beside((bars, points)), Folded("More", (table,))), "parameters", "Fit rigid"),
         Section("Alone", "", (points,)),
     )
     return ReportContent("family", Verdict("It fits.", "ok"), "an arm", sections=sections)
