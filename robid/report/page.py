@@ -16,6 +16,7 @@ from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bo
 from robid.report.numbers import rounded
 from robid.report.parameters import ParameterRow
 from robid.report.section import AnyFigure, Bars, Cell, Curve, Figure, Row, Section, Table
+from robid.report.terms import Terms
 
 
 @dataclass(frozen=True)
@@ -143,6 +144,7 @@ def render(content: ReportContent) -> str:
 
     return environment.get_template("page.html.j2").render(
         content=content,
+        terms=Terms(content),
         sections=_numbered(content.sections),
         kind=lambda part: "Figure" if type(part) in _KINDS else type(part).__name__,
         number=number,

@@ -89,7 +89,9 @@ def family_content(frf):
     )
     sections = (
         Section("Response", "", (bode, Notes(("a note",))), "response", "Fit rigid"),
-        Section("Parameters", "", (ratios, Beside((bars, points)), Folded("More", (table,))), "parameters", "Fit rigid"),
+        Section(
+            "Parameters", "", (ratios, Beside((bars, points)), Folded("More", (table,))), "parameters", "Fit rigid"
+        ),
         Section("Alone", "", (points,)),
     )
     return ReportContent("family", Verdict("It fits.", "ok"), "an arm", sections=sections)
