@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from robid.frf.frf import Frf
+from robid.models.elastic.judge.modes import ArmModes
+from robid.models.elastic.page.fitted import FittedViews, Peak
 from robid.models.elastic.page.gather import FitContent, ResonanceRow
 from robid.models.elastic.page.report import fit_report
 from robid.report.costs import CostRow, StartRow
@@ -22,6 +24,7 @@ from robid.report.experiment import (
 )
 from robid.report.page import ReportContent, Verdict, fit_sections
 from robid.report.parameters import Estimates, ParameterRow
+from robid.results.residuals import compare_lines
 from robid.signals.quantities import motor_channels
 
 AXES = tuple(f"axis_{number}" for number in range(1, 7))
@@ -178,12 +181,56 @@ def arm_resonances(n_conf):
                 measured = base * (1 + 0.25 * index) * (1 + 0.05 * rng.normal())
                 model = measured * (1 + 0.006 * rng.normal())
                 interval = (measured * 0.99, measured * 1.01) if index < 5 else None
-                rows.append(ResonanceRow(configuration, channel, kind, measured, model, interval, 0.034))
+                rows.append(ResonanceRow(configuration, channel, kind, measured, model, interval, model, damping=0.034))
     return (*rows, ResonanceRow(0, "axis_6", "resonance", None, 61.37, None, None))
+
+
+SPRINGS = tuple(f"gear_{number}" for number in range(1, 7))
+
+
+def arm_modes(resonances, n_conf):
+    """A mode for each of the first three axes' resonances, and one that nothing shows, of an arm of five points."""
+    points = np.array(
+        [[0, 0, 0], [0, 0, 0.7], [0.4, 0, 1.7], [1.5, 0, 1.9], [1.8, 0, 1.9], [1.8, 0, 2.05], [1.8, 0.15, 1.9]]
+    )
+    modes = []
+    for configuration in range(n_conf):
+        own = [row for row in resonances if row.configuration == configuration and row.kind == "resonance"]
+        hertz = np.array([row.mode_hz for row in own[:3]] + [77.7])
+        shape = np.zeros((4, len(points), 3), complex)
+        for mode in range(4):
+            shape[mode, 1 + mode // 2 :, mode % 3] = np.linspace(0, 1, 6 - mode // 2) * np.exp(0.2j * mode)
+        energy = np.full((4, 6), 0.004)
+        energy[np.arange(4), np.arange(4)] = 0.7
+        energy[np.arange(4), np.arange(1, 5)] = 0.284
+        modes.append(ArmModes(hertz, np.full(4, 0.034), energy, points, shape, 3.3))
+    return tuple(modes)
+
+
+def residuals_of(frf, model):
+    """Residuals where the weights allow for a model error of 2 %."""
+    plain = compare_lines(frf.response, model, np.sqrt(frf.element_variance()))
+    allowed = np.hypot(plain.noise, 0.02)
+    return replace(plain, deviations=plain.relative / allowed, noise_deviations=plain.noise / allowed)
+
+
+def arm_covariance(rows):
+    """Independent parameters, but for two springs that go together and two dampers against each other."""
+    correlation = np.eye(len(rows))
+    for one, other, value in ((0, 1, 0.98), (13, 14, -0.97)):
+        correlation[one, other] = correlation[other, one] = value
+    std = np.array([row.relative_std * max(abs(row.estimate), 1e-9) for row in rows])
+    return correlation * np.outer(std, std)
 
 
 def arm_fit(n_conf, n_validation, n_freq):
     rng = np.random.default_rng(11)
+    rows, resonances = arm_parameters(), arm_resonances(n_conf)
+    peaks = tuple(
+        Peak(row.channel, row.configuration, row.measured_hz)
+        for row in resonances
+        if row.kind == "resonance" and row.measured_hz
+    )
     frf, model = arm_data(n_conf, n_freq, 1)
     validation, validation_model = arm_data(n_validation, n_freq, 2)
     estimation_costs = [
@@ -197,8 +244,8 @@ def arm_fit(n_conf, n_validation, n_freq):
         campaign="estimation",
         frf=frf,
         model_response=model,
-        estimates=Estimates(arm_parameters(), identifiable_relative_std=0.2),
-        resonances=arm_resonances(n_conf),
+        estimates=Estimates(rows, identifiable_relative_std=0.2, covariance=arm_covariance(rows)),
+        resonances=resonances,
         estimation_costs=tuple(estimation_costs),
         validation_costs=tuple(validation_costs),
         starts=tuple(
@@ -210,6 +257,13 @@ def arm_fit(n_conf, n_validation, n_freq):
         validation_campaign="validation",
         validation_frf=validation,
         validation_model=validation_model,
+        views=FittedViews(
+            arm_modes(resonances, n_conf),
+            SPRINGS,
+            residuals_of(frf, model),
+            residuals_of(validation, validation_model),
+            peaks,
+        ),
     )
 
 

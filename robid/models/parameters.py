@@ -100,6 +100,7 @@ def estimates_of(
         undetermined=estimate.undetermined,
         identifiable_relative_std=estimate.identifiable_relative_std,
         interval_rule=estimate.interval_rule,
+        covariance=estimate.covariance,
     )
 
 

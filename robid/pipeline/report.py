@@ -136,11 +136,12 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
     if paths := truth_input(loaded, fit):
         truth = read_truth(folder / paths["truth"], folder / paths["true_record"])
         true = family_of(loaded, name).true_values(loaded, name, truth)
+    taken = {what: run.models[other] for what, other in fit.takes.items() if other in run.models}
     return Shown(
-        data=data_of(loaded, name, own),
+        data=replace(data_of(loaded, name, own), taken=taken),
         model=run.models[name],
         validation=validation,
-        new=None if validation is None else Data(loaded, name, new),
+        new=None if validation is None else Data(loaded, name, new, taken=taken),
         true=true,
         told=warnings,
     )

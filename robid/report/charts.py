@@ -1,9 +1,9 @@
-"""Figures beyond curves: arms and curves in space, values over nominal ones, responses as matrices of Bode plots."""
+"""Figures beyond curves: arms, still or moving, curves in space, ratios, heat maps, matrices of Bode plots."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,44 @@ class Skeletons:
     points: tuple[tuple[tuple[float, float, float], ...], ...]
     weights: tuple[float, ...]  # weight of each arm, which its line shows
     others: tuple[tuple[float, float, float], ...] = ()  # tool points of arms that are not drawn [m]
+    caption: str = ""  # what the reader has to know
+
+
+Triples: TypeAlias = tuple[tuple[float, float, float], ...]
+
+
+@dataclass(frozen=True)
+class Motion:
+    """How points swing about their rest: by `cosine cos(phase) + sine sin(phase)`."""
+
+    name: str  # its name
+    anchor: str  # its name in the page's address; who follows it sees the motion
+    text: str  # what is said of it
+    cosine: Triples  # (x, y, z) of each point [m]
+    sine: Triples  # the same a quarter of a period later [m]
+
+
+@dataclass(frozen=True)
+class MovingArms:
+    """Arms in space that swing slowly; the reader chooses arm and motion, stops it, and turns the view."""
+
+    title: str  # title above it
+    names: tuple[str, ...]  # name of each arm
+    # Points of each arm at rest from base to tool, then the ends of two axes of its tool, in the base frame [m].
+    points: tuple[Triples, ...]
+    motions: tuple[tuple[Motion, ...], ...]  # motions of each arm
+    caption: str = ""  # what the reader has to know
+
+
+@dataclass(frozen=True)
+class Heatmap:
+    """Values between -1 and 1 of pairs, as a symmetric matrix."""
+
+    title: str  # title above it
+    names: tuple[str, ...]  # of rows and of columns
+    values: tuple[tuple[float, ...], ...]  # one tuple a row; not finite where there is none
+    value_title: str  # what they are
+    groups: tuple[int, ...] = ()  # number of rows of each group, in their order; one group when empty
     caption: str = ""  # what the reader has to know
 
 

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from rich.console import Group
 
 from robid.arrays import Meaning
-from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall, bode_data
+from robid.report.charts import BodeMatrix, Heatmap, MovingArms, RatioChart, Skeletons, Waterfall, bode_data
 from robid.report.numbers import rounded
 from robid.report.parameters import ParameterRow
 from robid.report.section import AnyFigure, Bars, Cell, Curve, Figure, Row, Section, Table
@@ -102,7 +102,15 @@ def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:
     )
 
 
-_KINDS = {Figure: "curves", Bars: "bars", Skeletons: "skeletons", Waterfall: "waterfall", RatioChart: "ratios"}
+_KINDS = {
+    Figure: "curves",
+    Bars: "bars",
+    Skeletons: "skeletons",
+    MovingArms: "motions",
+    Waterfall: "waterfall",
+    RatioChart: "ratios",
+    Heatmap: "heatmap",
+}
 
 
 def figure_data(figure: AnyFigure) -> dict[str, Any]:
@@ -120,7 +128,8 @@ def _drawn(value: Any) -> Any:  # noqa: ANN401
     return value if value is None or isinstance(value, str | int) else rounded(value)
 
 
-_SCRIPTS = ("page", "choice", "quality", "bode", "ratios", "curves", "bars", "fitting", "skeletons", "waterfall")
+_OF_FIGURES = ("bode", "ratios", "curves", "bars", "skeletons", "motions", "waterfall", "heatmap")
+_SCRIPTS = ("page", "choice", "quality", *_OF_FIGURES, "fitting")
 
 
 def render(content: ReportContent) -> str:

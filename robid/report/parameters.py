@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby
 from statistics import median
 from typing import Annotated
 
-from robid.arrays import Meaning
+from robid.arrays import FloatArray, Meaning
 from robid.report.numbers import MISSING, Scale, engineering, percent, scale_for, significant
 from robid.robot.parameters import FRICTION_KIND, INTEGRATOR_KIND, NUISANCE_KIND, PARAMETER_KINDS
 
@@ -80,6 +80,8 @@ class Estimates:
     identifiable_relative_std: float | None = None  # predicted deviation up to which a parameter counts as identifiable
     interval_rule: str = ""  # what set the width of the intervals, in words
     about: str = ""  # what values are to be understood as, where that is no convention
+    # Covariance (n_param, n_param) of what the intervals are of, in the order of the rows; None where it is unknown.
+    covariance: FloatArray | None = field(default=None, compare=False)
 
     @property
     def with_nominal(self) -> bool:

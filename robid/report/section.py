@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall
+from robid.report.charts import BodeMatrix, Heatmap, MovingArms, RatioChart, Skeletons, Waterfall
 
 ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
 
@@ -20,7 +20,7 @@ class Cell:
     badge: str = ""  # a letter before the text
     hint: str = ""  # what the badge means
     share: float | None = None  # share of a limit, drawn as a meter where its column is one
-    link: str = ""  # page that it leads to, from this page's folder on; empty for none
+    link: str = ""  # page that it leads to, from this page's folder on, or `#` and an anchor of this one; or empty
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class Row:
     group: str = ""  # title above it and its neighbours of the same group
     choice: str = ""  # what the reader chooses it by, where the table has a choice
     note: str = ""  # what the reader has to know of it, in a line below
+    anchor: str = ""  # its name in the page's address, for links to it; empty for none
 
 
 @dataclass(frozen=True)
@@ -151,7 +152,7 @@ class Choice:
     options: tuple[tuple[str, tuple[Part, ...]], ...]  # name and parts of each
 
 
-AnyFigure: TypeAlias = Figure | Bars | Skeletons | Waterfall | RatioChart | BodeMatrix
+AnyFigure: TypeAlias = Figure | Bars | Skeletons | MovingArms | Waterfall | RatioChart | Heatmap | BodeMatrix
 Part: TypeAlias = Table | Notes | Beside | Folded | Choice | AnyFigure
 
 

@@ -16,8 +16,11 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.effects import MICRO, PerturbedRobot
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fit.uncertainty import bootstrap_tasks
 from robid.models.elastic.judge.assessment import assess_fit
+from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.power import detectable_defects
 from robid.models.elastic.judge.resonances import tabulate_resonances
 from robid.models.elastic.judge.validating import validate_elastic
@@ -70,11 +73,27 @@ def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifac
     return model_of(solution, assess_fit(*fitted), tabulate_resonances(*fitted))
 
 
+def model_at(data: Data, solution: ElasticSolution, campaign: str) -> FittedModel:
+    """Evaluates a fit's model in the configurations of a response, with the payload of the campaign that it is of.
+
+    Raises:
+        DataError: If the data and the model do not belong together.
+    """
+    robot, options, delay = _given(data, campaign)
+    return fitted_model(robot, solution, data.response, options, delay)
+
+
+def _given(data: Data, campaign: str) -> tuple[Robot, ElasticOptions, float]:
+    """What a model is evaluated with on the response of a campaign: robot, options, and the fit's nominal delay [s]."""
+    robot = _robot(data, data.loaded.experiment.campaigns[campaign])
+    options = elastic_fit(data.loaded.experiment, data.name).options()
+    return robot, options_of(robot, options), delay_s(data.loaded, _campaign(data))
+
+
 def validate(data: Data, model: Artifact, true: TrueRobot | None) -> Artifact:
     """Holds an elastic model against a response that it never saw, and against the true robot where it is known."""
     settings = elastic_fit(data.loaded.experiment, data.name)
-    robot = _robot(data, data.loaded.experiment.campaigns[settings.validate_on or settings.campaign])
-    options, delay = options_of(robot, settings.options()), delay_s(data.loaded, _campaign(data))
+    robot, options, delay = _given(data, settings.validate_on or settings.campaign)
     fitted = robot, solution_from_artifact(model), data.response, options, delay
     validation = validate_elastic(
         *fitted,

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from robid.arrays import FloatArray
@@ -13,10 +15,13 @@ from robid.models.lpv.fit.state_space import MATRICES, block_names
 from robid.models.lpv.fit.uncertainty import continuous_poles
 from robid.models.lpv.judge import UNUSABLE, LpvValidation
 from robid.models.parameters import MEASURED, MODEL, curve, estimates_of, fit_report, quantile
+from robid.report.correlation import correlation_section
 from robid.report.numbers import MISSING, joint_text, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
+from robid.report.residuals import ResidualData, residual_section
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
+from robid.results.residuals import compare_lines
 
 _SURFACE, _GRID = 7, 101
 
@@ -156,6 +161,22 @@ def _responses(solution: LpvSolution, validation: LpvValidation | None, notes: t
     return Section("Responses over the positions", lead, tuple(parts), "response")
 
 
+_DEVIATION = "A deviation is that of the measured response, nothing else."
+
+
+def _residuals(solution: LpvSolution, validation: LpvValidation | None) -> Iterator[ResidualData]:
+    """Residuals at the fitted positions, at those that choose the structure, and at those left out."""
+    ports, new = solution.ports, () if validation is None else (("positions left out", validation.held),)
+    for name, held in (
+        ("fitted positions", solution.own),
+        ("positions that choose the structure", solution.choosing),
+        *new,
+    ):
+        if len(held.points):
+            lines = compare_lines(held.response, held.modelled, held.std)
+            yield ResidualData(name, held.frequency_hz, ports.outputs, ports.inputs, lines)
+
+
 def _agreements(groups: tuple[tuple[str, Held], ...], ports: Ports) -> Table:
     rows = []
     for word, held in groups:
@@ -255,10 +276,12 @@ def report(shown: Shown) -> FitReport:
         numbers=[_error("Beyond noise, own data", solution.own), *new, blocks],
         sections=(
             _responses(solution, validation, notes),
+            *residual_section(tuple(_residuals(solution, validation)), _DEVIATION),
             _blocks(solution),
             _path(solution),
             _range(solution),
             *parameter_section(estimates, conventions),
+            *correlation_section(estimates),
         ),
         summary=_summary(solution, validation),
         worst=("", "")

@@ -16,6 +16,7 @@ from robid.models.rigid.fit.solution import Checks, Filtered, RigidSolution, Row
 from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors, motors_of
 from robid.models.rigid.judge.validating import RigidValidation
 from robid.models.rigid.settings import rigid_fit
+from robid.report.correlation import correlation_section
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
@@ -102,6 +103,7 @@ def sections(
     found = [
         motors_section(solution, motors, units, validation),
         *_parameters(solution, estimates, sensed),
+        *correlation_section(estimates),
         Section("Is least squares to be trusted?", solution.checks.sentence, tuple(trust), "verdict"),
         _residuals(solution, joints, units),
     ]

@@ -55,6 +55,11 @@ robid.choices = (() => {
     const made = choices(host, [{ key: "row", label: table.dataset.choice, look: "list", options: () => ["all", ...labels] }], () => {
       rows.forEach((row) => { row.hidden = made.state.row > 0 && row.dataset.choice !== labels[made.state.row - 1]; });
     });
+    // A link to a row that is not shown shows all.
+    window.addEventListener("hashchange", () => {
+      const row = rows.find((one) => one.hidden && one.id && `#${one.id}` === window.location.hash);
+      if (row) { made.set({ row: 0 }); row.scrollIntoView({ block: "center" }); }
+    });
   });
 
   // Parts of which one is shown; figures are drawn when they come into sight.

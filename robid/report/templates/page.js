@@ -74,8 +74,8 @@ const robid = (() => {
     return Array.from({ length: count }, (_, index) => `hsl(${(210 + 137.5 * index) % 360}, ${value(index % 2 ? "many-odd" : "many-even")})`);
   }
 
-  function colourscale() {
-    const stops = names("scale");
+  function colourscale(list = "scale") {
+    const stops = names(list);
     return stops.map((stop, index) => [index / (stops.length - 1), stop]);
   }
 

@@ -6,6 +6,7 @@ import json
 import re
 import shutil
 import subprocess
+from html import unescape
 
 import numpy as np
 import pytest
@@ -59,7 +60,7 @@ def test_all_figures_are_drawn_without_a_complaint(which, tmp_path, request):
     assert len(re.findall(r'class="subplot ', html)) >= n_out * n_in
     for section in ("parameters", "costs", "starts"):
         shown = re.search(rf'<section id="fit-1-{section}">(.*?)</section>', html, re.DOTALL).group(1)
-        assert re.search(r'class="chart js-plotly-plot" data-figure="\d"', shown), section
+        assert re.search(r'class="chart js-plotly-plot" data-figure="\d+"', shown), section
     for role in ("ratio", "coherence"):
         assert re.search(
             rf'class="[^"]*js-plotly-plot[^"]*" data-role="{role}"|data-role="{role}" class="[^"]*js-plotly-plot', html
@@ -184,6 +185,156 @@ def test_columns_that_left_come_back(tmp_path, arm_content):
     html, console = open_page(add_script(page, script), tmp_path, "--dump-dom", "--window-size=500,1300")
     assert console == []
     assert json.loads(re.search(r"<title>(\[.*?\])</title>", html).group(1)) == [True, True, 0, True]
+
+
+FRAMES = """<head><script>
+  window.requestAnimationFrame = (draw) => window.setTimeout(() => draw(performance.now()), 16);
+  window.cancelAnimationFrame = window.clearTimeout;
+  window.IntersectionObserver = function (tell) { this.observe = () => tell([{ isIntersecting: true }]); };
+</script>"""
+
+
+def told_by(script, content, tmp_path, *flags):
+    """What a script puts into the page's title as JSON."""
+    page = tmp_path / "report.html"
+    # In virtual time no frames are drawn, so that they are made here.
+    page.write_text(render(content).replace("<head>", FRAMES), encoding="utf-8")
+    later = f"window.setTimeout(() => {{ {script} }}, 300);"
+    html, console = open_page(add_script(page, later), tmp_path, "--dump-dom", "--window-size=1400,1200", *flags)
+    assert console == []
+    return json.loads(unescape(re.search(r"<title>(\[.*?\])</title>", html, re.DOTALL).group(1)))
+
+
+MODE = """
+  const section = document.querySelector('#fit-1-modes');
+  const select = (name) => section.querySelector(`select[aria-label="${name}"]`);
+  const text = () => section.querySelector('.motion-text').textContent;
+  const swing = () => section.querySelector('path.swing').getAttribute('d');
+  const button = section.querySelector('.controls > button');
+  const after = (ms) => new Promise((done) => window.setTimeout(done, ms));
+"""
+
+
+def test_an_arm_swings_stops_and_shows_the_mode_that_is_chosen(tmp_path, arm):
+    script = """
+      section.scrollIntoView();
+      (async () => {
+        await after(400);
+        const moving = swing(); await after(300); const seen = [swing() !== moving];
+        button.click(); await after(100);
+        const still = swing(); await after(300); seen.push(swing() === still, button.textContent);
+        seen.push(section.querySelector('path.reach').getAttribute('d') === still);
+        seen.push(text());
+        section.querySelector('[aria-label="next mode"]').click(); seen.push(text());
+        section.querySelector('[aria-label="next configuration"]').click();
+        seen.push(select('configuration').value, select('mode').value, text());
+        button.click(); await after(200); const again = swing(); await after(300); seen.push(swing() !== again);
+        document.title = JSON.stringify(seen);
+      })();
+    """
+    moves, stops, label, outmost, first, second, configuration, mode, third, again = told_by(
+        MODE + script, arm.content, tmp_path
+    )
+    assert (moves, stops, outmost, again) == (True, True, True, True)
+    assert label.endswith("Play")
+    assert (configuration, mode) == ("1", "0")
+    modes = arm.fit.views.modes
+    hertz = (modes[0].frequency_hz[0], modes[0].frequency_hz[1], modes[1].frequency_hz[0])
+    for told, value in zip((first, second, third), hertz, strict=True):
+        assert f"{value:.2f} Hz" in told
+
+
+def test_an_arm_stands_still_where_motion_is_not_wanted(tmp_path, arm):
+    script = """
+      section.scrollIntoView();
+      (async () => {
+        await after(400); const still = swing(); await after(400);
+        document.title = JSON.stringify([swing() === still, button.textContent]);
+      })();
+    """
+    still, label = told_by(MODE + script, arm.content, tmp_path, "--force-prefers-reduced-motion")
+    assert still
+    assert label.endswith("Play")
+
+
+def test_modes_and_resonances_lead_to_each_other(tmp_path, arm):
+    script = """
+      (async () => {
+        const link = document.querySelectorAll('#fit-1-resonances td a')[4];
+        link.click(); await after(200);
+        const seen = [link.textContent, text()];
+        const table = section.querySelector('table'), own = table.querySelectorAll('td:nth-child(2) a')[1];
+        own.click(); await after(200); seen.push(own.textContent, text());
+        const rows = document.querySelector('#fit-1-resonances select');
+        rows.value = '3'; rows.dispatchEvent(new Event('change'));
+        const back = table.querySelector('td:nth-child(4) a');
+        back.click(); await after(200);
+        const row = document.getElementById(back.hash.slice(1));
+        seen.push(row.hidden, row.matches(':target'));
+        document.title = JSON.stringify(seen);
+      })();
+    """
+    hertz, shown, other, also, hidden, met = told_by(MODE + script, arm.content, tmp_path)
+    assert f"{hertz} Hz" in shown
+    assert f"{other} Hz" in also
+    assert hertz != other
+    assert (hidden, met) == (False, True)
+
+
+def test_the_view_is_turned_by_dragging(tmp_path, arm):
+    script = """
+      const rest = () => section.querySelector('path.rest').getAttribute('d');
+      const host = section.querySelector('.motions'), seen = [rest()];
+      for (const [movementX, movementY] of [[60, 0], [0, 30]]) {
+        host.dispatchEvent(new PointerEvent('pointermove', { buttons: 1, movementX, movementY }));
+        seen.push(rest());
+      }
+      host.dispatchEvent(new PointerEvent('pointermove', { buttons: 0, movementX: 50 })); seen.push(rest());
+      document.title = JSON.stringify([new Set(seen).size]);
+    """
+    assert told_by(MODE + script, arm.content, tmp_path) == [3]
+
+
+def test_residuals_are_chosen_by_input_and_correlations_are_drawn(tmp_path, arm):
+    script = """
+      const residuals = document.querySelector('#fit-1-residuals');
+      const shown = () => [...residuals.querySelectorAll('[data-option]:not([hidden]) .js-plotly-plot')];
+      const seen = [shown().length, shown()[0].data[0].y[5]];
+      residuals.querySelector('[aria-label="next input"]').click();
+      seen.push(shown().length, shown()[0].data[0].y[5], shown()[0].querySelectorAll('.legendtext').length);
+      const map = document.querySelector('#fit-1-correlation .js-plotly-plot');
+      seen.push(map.data[0].z[0][1], map.data[0].customdata[0][1].join(), map.querySelectorAll('.hm image').length);
+      document.title = JSON.stringify(seen);
+    """
+    count, pooled, again, own, names, r, pair, drawn = told_by(script, arm.content, tmp_path)
+    relative = arm.fit.views.own.relative[:, 5, 0]
+    assert (count, again) == (4, 4)
+    assert pooled == pytest.approx(np.sqrt(np.mean(relative**2)), rel=1e-4)
+    assert own == pytest.approx(np.sqrt(np.mean(relative[:, 0] ** 2)), rel=1e-4)
+    assert names == 8  # six outputs, noise, resonances
+    assert (r, pair, drawn) == (0.98, "gear_1.stiffness,gear_2.stiffness", 1)
+
+
+@pytest.mark.parametrize("width", [1400, 800, 400])
+def test_nothing_but_what_scrolls_is_wider_than_the_window(width, tmp_path, arm):
+    script = """
+      const beyond = (id) => [...document.querySelectorAll(`${id} *`)].filter((one) => !one.closest('.scroller > *')
+        && one.getBoundingClientRect().right > window.innerWidth + 1).map((one) => one.outerHTML.slice(0, 90));
+      const ids = ['#fit-1-modes', '#fit-1-residuals', '#fit-1-correlation'];
+      parent.postMessage(JSON.stringify([window.innerWidth, ...ids.flatMap(beyond)]), '*');
+    """
+    page, frame = tmp_path / "report.html", tmp_path / "frame.html"
+    page.write_text(render(arm.content), encoding="utf-8")
+    inner = add_script(page, f"window.setTimeout(() => {{ {script} }}, 500);")
+    # A window may not be as narrow as a phone; a frame may.
+    frame.write_text(
+        f"<iframe src='{inner.name}' style='width:{width}px;height:2000px;border:0'></iframe>"
+        "<script>addEventListener('message', ({ data }) => { document.title = data; });</script>",
+        encoding="utf-8",
+    )
+    html, console = open_page(frame, tmp_path, "--dump-dom", "--window-size=1500,1200")
+    assert console == []
+    assert json.loads(unescape(re.search(r"<title>(\[.*?\])</title>", html, re.DOTALL).group(1))) == [width]
 
 
 def expected_first_points(fit):

@@ -23,6 +23,7 @@ from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
 from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
+from robid.models.elastic.page.fitted import FittedViews, fitted_views
 from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
 from robid.models.elastic.page.middles import middle_sentence
 from robid.models.elastic.page.power import PowerRow, power_rows
@@ -106,6 +107,7 @@ class FitContent:
     validation_campaign: str = ""  # Name of the validation campaign
     validation_frf: Frf | None = None  # Its frequency responses, or None
     validation_model: ComplexArray | None = None  # The model's responses there, or None
+    views: FittedViews = field(default_factory=FittedViews)  # Its modes, and residuals by line
 
     @property
     def usable(self) -> bool:
@@ -214,6 +216,7 @@ def fit_content(shown: Shown) -> FitContent:
         middles=middle_rows(solution),
         power=power_rows(solution),
         grade=grade,
+        views=fitted_views(shown, solution),
     )
     if validation is None or settings.validate_on is None or shown.new is None:
         return content
@@ -270,6 +273,7 @@ def _estimates(
         undetermined=found.undetermined,
         identifiable_relative_std=found.identifiable_relative_std,
         interval_rule=found.interval_rule,
+        covariance=found.covariance,
         about=" ".join(
             filter(None, (gear_sentence(gear_rows(solution, torque_unit)), middle_sentence(middle_rows(solution))))
         ),

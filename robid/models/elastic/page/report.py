@@ -13,9 +13,11 @@ from rich.console import Group
 from robid.models.elastic.files import validation_from_artifact
 from robid.models.elastic.judge.grading import COST_RATIO_LIMIT
 from robid.models.elastic.judge.validating import Validation
+from robid.models.elastic.page.fitted import Peak
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.gears import gear_section
 from robid.models.elastic.page.middles import middle_section
+from robid.models.elastic.page.modes import mode_section
 from robid.models.elastic.page.power import power_section, power_summary
 from robid.models.elastic.page.resonances import (
     repeat_summary,
@@ -27,6 +29,7 @@ from robid.models.elastic.page.resonances import (
 from robid.models.family import Shown
 from robid.models.parameters import basis_of, parameter_summary
 from robid.report.charts import BodeMatrix, BodeResponse, Mark
+from robid.report.correlation import correlation_section
 from robid.report.costs import (
     average_and_worst,
     campaign_title,
@@ -46,6 +49,7 @@ from robid.report.parameter_section import (
     parameter_table,
 )
 from robid.report.parameters import misfit_sentence
+from robid.report.residuals import ResidualData, residual_section
 from robid.report.section import Folded, Notes, Part, Section, Table
 from robid.results.outcome import recovery_sentence
 from robid.robot.parameters import NUISANCE_KIND
@@ -53,6 +57,10 @@ from robid.robot.parameters import NUISANCE_KIND
 _FEW_MOTORS = 2
 _CONVENTIONS = "Stiffness and damping are arm side."
 _OF_LOADS = "Dampers of gears with `load_damping` are those without load."
+_DEVIATION = (
+    "A deviation is that of the fit's weights: of noise as the covariance has it, and of the assumed model error. The"
+    " response is the mean over the realizations, as the fit takes it."
+)
 _OF_BRISTLES = (
     "`hysteresis` is the torque at which bristles beside a gear slip, a tenth as stiff as it: as this campaign swings"
     " the gear. It holds for this amplitude; what sticks there is part of the spring. Dampers of these gears come out"
@@ -84,8 +92,11 @@ def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]
         *gear_section(fit.gears, fit.estimates.level),
         *middle_section(fit.middles),
         *nuisance_section(fit.nuisance_rows, fit.estimates.level),
+        *correlation_section(fit.estimates),
         *power_section(fit.power, fit.estimates.level),
-        *resonance_section(fit.resonances, fit.frf, fit.estimates.level),
+        *resonance_section(fit.resonances, fit.frf, fit.estimates.level, fit.views.modes, fit.name),
+        *mode_section(fit.views.modes, fit.views.springs, fit.frf, fit.name, fit.resonances),
+        *residual_section(tuple(_residuals(fit)), _DEVIATION),
         *cost_section(fit.estimation_costs, fit.validation_costs, element_sentence(fit)),
         *start_section(fit.starts),
     )
@@ -142,6 +153,21 @@ def element_sentence(fit: FitContent) -> str:
         f"Beyond their covariance are {percent(errors.share_above)} of the elements{level}; the residuals of "
         f"{percent(errors.share_correlated)} are correlated over frequency. Of an exact model 5 % would be either."
     )
+
+
+def _residuals(fit: FitContent) -> Iterator[ResidualData]:
+    """The residuals of the fit's own data, and of its validation's."""
+    own = campaign_title("Estimation", fit.campaign), fit.frf, fit.views.own, fit.views.peaks
+    new = campaign_title("Validation", fit.validation_campaign), fit.validation_frf, fit.views.new, fit.views.new_peaks
+    for name, frf, lines, peaks in (own, new):
+        if frf is not None and lines is not None:
+            marks = tuple((peak.channel, peak.frequency_hz, _mark(peak)) for peak in peaks)
+            yield ResidualData(name, frf.frequency_hz, frf.output_names, frf.input_names, lines, marks)
+
+
+def _mark(peak: Peak) -> str:
+    place = f"configuration {number_of(peak.configuration)}"
+    return f"{peak.channel}, {place}: {significant(peak.frequency_hz, 4)} Hz"
 
 
 def _response(fit: FitContent, told: tuple[str, ...]) -> Section:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from statistics import median
 
 import numpy as np
@@ -9,13 +10,15 @@ from rich.console import Group
 from rich.text import Text
 
 from robid.frf.frf import Frf
+from robid.models.elastic.judge.modes import ArmModes
 from robid.models.elastic.judge.resonances import SAME_CONFIGURATION
 from robid.models.elastic.page.gather import FitContent, RepeatRow, ResonanceRow
+from robid.models.elastic.page.modes import mode_anchor, mode_of, resonance_anchor
 from robid.report.charts import configuration_label
 from robid.report.numbers import MISSING, number_of, percent, significant
 from robid.report.page import KeyNumber
 from robid.report.parameter_section import with_notes, within
-from robid.report.section import Row, Section, Table
+from robid.report.section import Cell, Row, Section, Table
 from robid.report.terminal_table import Column, TerminalTable
 
 _REPEAT_CAPTION = (
@@ -141,8 +144,10 @@ def resonance_number(rows: tuple[ResonanceRow, ...]) -> tuple[KeyNumber, ...]:
     return (KeyNumber("Resonances off", percent(median(errors)), f"median; worst {percent(max(errors))}"),)
 
 
-def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) -> tuple[Section, ...]:
-    """Lays out the resonances by configuration; nothing without any."""
+def resonance_section(
+    rows: tuple[ResonanceRow, ...], frf: Frf, level: float, modes: Sequence[ArmModes] = (), fit: str = ""
+) -> tuple[Section, ...]:
+    """Lays out the resonances of a fit by configuration, with links to its modes; nothing without any."""
     if not rows:
         return ()
     interval = f"{percent(level)} interval"
@@ -150,7 +155,7 @@ def resonance_section(rows: tuple[ResonanceRow, ...], frf: Frf, level: float) ->
     poles = ("Pole or zero [Hz]", "Interval of pole", "Model's pole [Hz]", "Interval of model's", "Damping")
     table = Table(
         ("Conf.", "Channel", "Kind", *peaks, *poles),
-        tuple(_row(row, frf) for row in rows),
+        tuple(_row(row, frf, index, modes, fit) for index, row in enumerate(rows)),
         caption=_CAPTION + interval_sentence(frf, repeat_sentence(rows)),
         styles=(
             "text", "name", "text", "strong", "number", "number", "number", "text",
@@ -187,8 +192,9 @@ def interval_sentence(frf: Frf, repeated: str = "") -> str:
     return f"The intervals of what was measured hold the response's covariance and {' and '.join(told)}."
 
 
-def _row(row: ResonanceRow, frf: Frf) -> Row:
-    low_high, errors = row.interval_hz, resonance_errors((row,))
+def _row(row: ResonanceRow, frf: Frf, index: int, modes: Sequence[ArmModes], fit: str) -> Row:
+    low_high, errors, mode = row.interval_hz, resonance_errors((row,)), mode_of(row, modes)
+    own = significant(row.mode_hz, 4)
     inside = low_high[0] <= row.model_hz <= low_high[1] if low_high and row.model_hz is not None else None
     cells = (
         number_of(row.configuration),
@@ -201,11 +207,11 @@ def _row(row: ResonanceRow, frf: Frf) -> Row:
         within(inside),
         significant(row.pole_hz, 4),
         interval_text(row.pole_interval_hz),
-        significant(row.mode_hz, 4),
+        own if mode is None else Cell(own, link=f"#{mode_anchor(fit, row.configuration, mode)}"),
         interval_text(row.mode_interval_hz),
         percent(row.damping),
     )
-    return Row(cells, choice=configuration_label(frf, row.configuration))
+    return Row(cells, choice=configuration_label(frf, row.configuration), anchor=resonance_anchor(fit, index))
 
 
 def _measured(row: ResonanceRow) -> str:

@@ -19,6 +19,7 @@ from robid.models.external.page.data import coupling_section, new_section, own_s
 from robid.models.external.settings import external_fit
 from robid.models.family import Shown
 from robid.models.parameters import estimates_of, fit_report
+from robid.report.correlation import correlation_section
 from robid.report.numbers import MINUS, MISSING, duration, percent, significant
 from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
@@ -76,6 +77,7 @@ def sections(
         _transfers(solution),
         data,
         *parameter_section(estimates, _CONVENTIONS),
+        *correlation_section(estimates),
         _responses(solution),
         _dynamics(solution),
         *coupling_section(solution.coupling, solution.ports, options),
