@@ -12,7 +12,7 @@ from typing import Any
 from markupsafe import Markup, escape
 from ruamel.yaml import YAML
 
-from robid.report.charts import BodeMatrix, RatioChart, Skeletons, Waterfall
+from robid.report.charts import BodeMatrix, Heatmap, MovingArms, RatioChart, Skeletons, Waterfall
 from robid.report.section import Bars, Figure
 
 _FILES = {"S": "settings", "D": "data", "A": "artifacts", "B": "backends", "F": "causes"}
@@ -20,7 +20,7 @@ _CODE = re.compile(r"\b([SDABF]\d{3})\b")
 _QUOTED = re.compile(r"`([^`]+)`")
 _STRESSED = re.compile(r"(?<!\w)\*([^*]+)\*(?!\w)")
 _INCOHERENCE = "1 \N{MINUS SIGN} coherence"  # which the template draws with responses
-_DRAWN = (Figure, Bars, Skeletons, Waterfall, RatioChart, BodeMatrix)
+_DRAWN = (Figure, Bars, Skeletons, MovingArms, Waterfall, RatioChart, Heatmap, BodeMatrix)
 
 
 @dataclass(frozen=True)

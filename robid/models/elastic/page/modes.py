@@ -140,7 +140,10 @@ def _table(
     shares: list[ColumnStyle] = ["number" for _ in springs]
     styles: tuple[ColumnStyle, ...] = ("text", "strong", "number", "text", *shares)
     heads = ("Conf.", "Mode [Hz]", "Damping", "Seen by", *springs)
-    return Table(heads, tuple(rows), caption=_TABLE, styles=styles, choice="Configuration", fit="tall")
+    # Springs that no mode moves much leave a narrow page first.
+    most = np.max([share for each in modes for share in each.energy], axis=0)
+    leaves = tuple(springs[index] for index in np.argsort(most, kind="stable").tolist())
+    return Table(heads, tuple(rows), caption=_TABLE, styles=styles, choice="Configuration", leaves=leaves, fit="tall")
 
 
 def _seen_by(rows: Sequence[int], resonances: Sequence[ResonanceRow], fit: str) -> str | Cell:
