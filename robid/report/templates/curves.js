@@ -31,7 +31,7 @@
     const shade = shadeOf(curve, index), symbol = curve.symbol || "dot";
     const hovertemplate = curve.texts ? "%{text}<extra></extra>" : `${curve.name}: %{y:.3g}<extra></extra>`;
     const drawn = { type: "scatter", name: curve.name, x: curve.x, y: curve.y, text: curve.texts, hovertemplate };
-    if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
+    if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: curve.width || 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
     return { ...drawn, mode: "markers", marker: { size: symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[symbol], line: { color: shade, width: ["dot", "small"].includes(symbol) ? 0 : 1.8 } } };
   }
 
