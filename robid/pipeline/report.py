@@ -32,6 +32,7 @@ from robid.pipeline.estimate_frf import contradictions
 from robid.pipeline.fit import data_of
 from robid.pipeline.freshness import stamped
 from robid.pipeline.plans import truth_input
+from robid.pipeline.reached import limits_sections
 from robid.pipeline.stage import Job, Stage, counted
 from robid.report.design import design_section
 from robid.report.experiment import (
@@ -99,6 +100,7 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
             *fit_sections(fits),
             *response_sections(alone),
             *(_design(loaded, name, design) for name, design in run.designs.items()),
+            *limits_sections(loaded, folder, tuple(run.shapes)),
             *_experiment(loaded, run, excitations),
             *run_section(_stage_rows(chain, loaded, folder, present)),
         ),

@@ -1,0 +1,85 @@
+"""What the records of a run reached of the motors' limits, as rows of its page."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from robid.artifacts.kinds import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact, read_outline
+from robid.errors import DataError, SettingsError
+from robid.report.reached import Plane, ReachedRow, reached_section
+from robid.report.section import Section
+from robid.robot.description import Joint, Robot
+from robid.robot.reached import Reached, reached_in, reached_in_all
+from robid.robot.regressor.drives import acts_along
+from robid.settings.load import LoadedExperiment
+
+
+def limits_sections(loaded: LoadedExperiment, folder: Path, campaigns: Sequence[str]) -> tuple[Section, ...]:
+    """Lays out what some campaigns reached; nothing without a robot or limits, or where it cannot be built.
+
+    A record is read one configuration at a time: memory does not depend on how many there are.
+    """
+    rows: list[ReachedRow] = []
+    planes: list[Plane] = []
+    for name in campaigns if loaded.experiment.robot is not None else ():
+        try:
+            robot = loaded.robot.to_robot(loaded.experiment.campaigns[name].payload_kg)
+        except (DataError, SettingsError):
+            return ()
+        found = _reached(folder / name / "record.h5", robot)
+        if found is not None:
+            rows += _rows(name, robot, found)
+            planes += _planes(name, robot, found)
+    order = {row.joint: index for index, row in reversed([*enumerate(rows)])}
+    return reached_section(tuple(sorted(rows, key=lambda row: order[row.joint])), tuple(planes))
+
+
+def _reached(path: Path, robot: Robot) -> Reached | None:
+    found = []
+    for row in range(read_outline(path, RECORD).n_rows):
+        one = reached_in(record_from_artifact(read_artifact(path, RECORD, row=row, leave_out=("reference",))), robot)
+        if one is None:
+            return None
+        found.append(one)
+    return reached_in_all(found) if found else None
+
+
+def _rows(campaign: str, robot: Robot, found: Reached) -> Iterator[ReachedRow]:
+    middle, half = 0.5 * (robot.upper + robot.lower), 0.5 * (robot.upper - robot.lower)
+    away = np.maximum(np.abs(found.highest - middle), np.abs(found.lowest - middle))
+    for index, joint in enumerate(robot.joints):
+        motor, unknown, units = joint.motor, float("nan"), _units(joint)
+        rated = unknown if motor.rated_torque_nm is None else motor.rated_torque_nm
+        sizes = (
+            ("speed", units[0], found.speed_rms, found.speed_peak, motor.max_speed_rad_s),
+            ("torque", units[1], found.torque_rms, found.torque_peak, motor.max_torque_nm),
+        )
+        for quantity, unit, rms, peak, limit in sizes:
+            if np.isfinite(peak[index]):
+                yield ReachedRow(campaign, joint.name, quantity, unit, float(rms[index]), float(peak[index]), limit)
+        if np.isfinite([found.torque_rms[index], rated]).all():
+            yield ReachedRow(
+                campaign, joint.name, "RMS torque", units[1], unknown, float(found.torque_rms[index]), rated
+            )
+        if np.isfinite([away[index], half[index]]).all():
+            factor, unit = (1.0, "m") if joint.type == "prismatic" else (float(np.rad2deg(1.0)), "°")
+            ends = factor * float(away[index]), factor * float(half[index])
+            yield ReachedRow(campaign, joint.name, "position", unit, unknown, *ends)
+
+
+def _planes(campaign: str, robot: Robot, found: Reached) -> Iterator[Plane]:
+    for joint, hull, points in zip(robot.joints, found.hulls, found.points, strict=True):
+        motor = joint.motor
+        rated = float("nan") if motor.rated_torque_nm is None else motor.rated_torque_nm
+        corners, some = ([(float(speed), float(torque)) for speed, torque in each] for each in (hull, points))
+        limits = motor.max_speed_rad_s, motor.max_torque_nm, rated
+        yield Plane(campaign, joint.name, tuple(corners), tuple(some), *limits, units=_units(joint))
+
+
+def _units(joint: Joint) -> tuple[str, str]:
+    """Units of the speed and the torque of what drives a joint."""
+    return ("m/s", "N") if acts_along(joint) else ("rad/s", "N m")
