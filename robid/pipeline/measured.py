@@ -1,4 +1,4 @@
-"""What the records of a run reached of the motors' limits, as rows of its page."""
+"""What the campaigns of a run were excited with, and what they reached of the motors' limits, for its page."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ import numpy as np
 
 from robid.artifacts.kinds import RECORD, record_from_artifact
 from robid.artifacts.store import read_artifact, read_outline
+from robid.design.excitation.excitation import UNITS, CampaignExcitation
 from robid.errors import DataError, SettingsError
+from robid.frf.frf import Frf
+from robid.report.experiment import ExcitationRow, PeakRow
 from robid.report.reached import Plane, ReachedRow, reached_section
 from robid.report.section import Section
 from robid.robot.description import Joint, Robot
@@ -83,3 +86,48 @@ def _planes(campaign: str, robot: Robot, found: Reached) -> Iterator[Plane]:
 def _units(joint: Joint) -> tuple[str, str]:
     """Units of the speed and the torque of what drives a joint."""
     return ("m/s", "N") if acts_along(joint) else ("rad/s", "N m")
+
+
+def excitation_row(
+    loaded: LoadedExperiment, campaign: str, content: CampaignExcitation, shape: tuple[int, ...], frf: Frf | None
+) -> ExcitationRow:
+    """Says what a campaign excites with, from its excitation, the shape of its record, and its response if any."""
+    excitation = content.excitation
+    low, high = excitation.frequency_hz[[0, -1]].tolist()
+    motors = tuple(joint.name for joint in loaded.robot.joints)
+    if frf is not None and not loaded.experiment.campaigns[campaign].moves_poses:
+        motors = frf.input_names
+    # Of the motors' own responses; those across motors have zeros.
+    snr_db = None if excitation.plan is None else excitation.plan.snr_db
+    worst_snr_db = None if snr_db is None else float(np.diagonal(snr_db, axis1=-2, axis2=-1).min())
+    return ExcitationRow(
+        campaign=campaign,
+        lines=len(excitation.excited_lines),
+        low_hz=low,
+        high_hz=high,
+        duration_s=float(np.prod(shape[:4])) * excitation.period_s,
+        rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
+        rms_unit=UNITS[excitation.kind],
+        peaks=_peaks(content, motors, loaded.robot.slides),
+        detection_lines=len(excitation.detection_lines),
+        period_s=excitation.period_s,
+        crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
+        worst_snr_db=worst_snr_db,
+    )
+
+
+def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
+    plan = content.excitation.plan
+    if plan is None:
+        return ()
+    quantities = (
+        ("speed", "rad/s", plan.speed_rms, plan.speed_peak, plan.speed_limit),
+        ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
+        ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
+    )
+    rows = []
+    for motor, (name, own) in enumerate(zip(names, slides, strict=True)):
+        for quantity, unit, rms, peak, limit in quantities:
+            worst = float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max())
+            rows.append(PeakRow(name, quantity, "m" if unit == "rad" and own else unit, *worst))
+    return tuple(rows)
