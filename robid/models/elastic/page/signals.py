@@ -12,11 +12,11 @@ from robid.frf.frf import Frf
 from robid.frf.replay import Replay, corrected_inputs, replay
 from robid.models.elastic.page.gather import FitContent
 from robid.models.family import Shown
-from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, extremes
+from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, over_time
 from robid.report.charts import configuration_label
 from robid.report.costs import CostRow
 from robid.report.numbers import percent, pretty_unit
-from robid.report.section import Choices, Curve, Figure, Part, Section, Table
+from robid.report.section import Choices, Figure, Part, Section, Table
 
 _PICTURES = 30  # of all motors and configurations
 _MOST_CONFIGURATIONS = 3  # of the fit's own, and of the validation's
@@ -110,13 +110,16 @@ def _figures(signals: Signals, output: int) -> tuple[Figure, ...]:
     found, unit = signals.found, pretty_unit(signals.units[output])
     time_s, measured, modelled = found.time_s, found.measured[:, output], found.modelled[:, output]
     title = f"{signals.quantities[output].capitalize()} [{unit}]"
-    both = (_thin("measured", time_s, measured, MEASURED, 2.6), _thin("model", time_s, modelled, MODEL, 1.1))
-    left = (_thin("measured less model", time_s, measured - modelled, ERROR, 1.1),)
+    both = (
+        over_time("measured", time_s, measured, MEASURED, _POINTS),
+        over_time("model", time_s, modelled, MODEL, _POINTS),
+    )
+    left = (over_time("measured less model", time_s, measured - modelled, ERROR, _POINTS),)
     near = excerpt(measured - modelled)
     part = (
-        _thin("all lines of the band", time_s[near], found.whole[near, output], GREY, 1.0),
-        _thin("measured", time_s[near], measured[near], MEASURED, 2.6),
-        _thin("model", time_s[near], modelled[near], MODEL, 1.1),
+        over_time("all lines of the band", time_s[near], found.whole[near, output], GREY, _POINTS),
+        over_time("measured", time_s[near], measured[near], MEASURED, _POINTS),
+        over_time("model", time_s[near], modelled[near], MODEL, _POINTS),
     )
     return (
         Figure("One period", "", title, both, log_x=False, log_y=False, height=270),
@@ -131,9 +134,3 @@ def excerpt(difference: FloatArray) -> slice:
     length = max(2, round(_EXCERPT * n_sample))
     first = int(np.clip(int(np.argmax(np.abs(difference))) - length // 2, 0, n_sample - length))
     return slice(first, first + length)
-
-
-def _thin(name: str, x: FloatArray, y: FloatArray, shade: int, width: float) -> Curve:
-    """A solid curve, thinned so that its peaks stay."""
-    kept_x, kept_y = extremes(x, y, _POINTS)
-    return Curve(name, tuple(kept_x.tolist()), tuple(kept_y.tolist()), shade=shade, width=width)

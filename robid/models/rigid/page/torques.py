@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
-from robid.models.parameters import ERROR, MEASURED, MODEL, extremes
+from robid.models.parameters import ERROR, MEASURED, MODEL, over_time
 from robid.models.rigid.page.content import RigidContent
 from robid.report.numbers import significant
-from robid.report.section import Choices, Curve, Figure, Line, Part, Section
+from robid.report.section import Choices, Figure, Line, Part, Section
 
 _POINTS = 1000  # of a curve
 _MOST_RECORDS = 6  # of the fit's own, and of the validation's
@@ -102,9 +102,11 @@ def _figures(course: Course, joint: int, unit: str, deviation: float) -> tuple[F
     """One motor's torques, and the residual beneath them with three deviations of the fit's own."""
     measured, predicted = course.measured[:, joint], course.predicted[:, joint]
     marks = tuple(Line("x", at, name) for at, name in course.begins)
-    # What is measured shows beneath a prediction that lies on it.
-    both = (_thin("measured", course, measured, MEASURED, 3.0), _thin("predicted", course, predicted, MODEL, 1.2))
-    left = _thin("measured less predicted", course, measured - predicted, ERROR, 1.2)
+    both = (
+        over_time("measured", course.time_s, measured, MEASURED, _POINTS),
+        over_time("predicted", course.time_s, predicted, MODEL, _POINTS),
+    )
+    left = over_time("measured less predicted", course.time_s, measured - predicted, ERROR, _POINTS)
     limits = tuple(
         Line("y", sign * _DEVIATIONS * deviation, name)
         for sign, name in ((1, "3 deviations of the fit's own"), (-1, ""))
@@ -118,12 +120,6 @@ def _figures(course: Course, joint: int, unit: str, deviation: float) -> tuple[F
             lines=(*limits, *unmarked),
         ),
     )  # fmt: skip
-
-
-def _thin(name: str, course: Course, values: FloatArray, shade: int, width: float) -> Curve:
-    """A solid curve, thinned so that its peaks stay."""
-    time_s, kept = extremes(course.time_s, values, _POINTS)
-    return Curve(name, tuple(time_s.tolist()), tuple(kept.tolist()), shade=shade, width=width)
 
 
 def _lead(content: RigidContent, own: list[Course], new: list[Course]) -> str:
