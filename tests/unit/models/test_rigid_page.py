@@ -1,6 +1,9 @@
 """What the page shows of a rigid fit: errors, torques over time, friction on both sides, and one voice of its tests."""
 
+import json
 import re
+import shutil
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -23,10 +26,12 @@ from robid.models.rigid.page.motors import motors_section
 from robid.models.rigid.page.report import sections
 from robid.models.rigid.page.torques import courses_of, joined, torque_section
 from robid.report.numbers import MINUS, MISSING
+from robid.report.page import ReportContent, Verdict, render
 from robid.report.parameters import Estimates
 from robid.report.section import Figure
 from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST, grade_alone, grade_held
 
+CHROMIUM = next((found for name in ("chromium", "chromium-browser") if (found := shutil.which(name))), None)
 OPTIONS = RigidFitOptions(filters=PreprocessingOptions(position_cut_hz=10.0), physical=False)
 LENGTHS = (3000, 1500, 2000)
 NAMES = ("joint_0", "joint_1", "joint_2")
@@ -231,3 +236,34 @@ def test_parameters_that_differ_are_named_with_the_difference(content):
     assert "instrumental variables" in notes[0]
     quiet = estimators_section(content).parts[0].items
     assert "not computed" in " ".join(quiet)
+
+
+@pytest.mark.browser
+@pytest.mark.skipif(CHROMIUM is None, reason="Chromium is not installed")
+def test_torques_of_every_motor_and_record_are_drawn(tmp_path, content):
+    path = tmp_path / "report.html"
+    page = render(ReportContent("arm", Verdict("It predicts.", "warn"), "", sections=sections(content)))
+    script = """{
+      const seen = [], frame = document.querySelector('[data-choices]');
+      const note = () => seen.push([...frame.querySelectorAll('.chart')].filter((one) => one.clientWidth).map(
+        (one) => [one.querySelectorAll('.legend .traces').length, one.layout.shapes.length, one.data[0].y[0]]));
+      note();
+      frame.querySelector('[aria-label="next motor"]').click(); note();
+      frame.querySelector('[aria-label="previous record"]').click(); note();
+      document.title = JSON.stringify(seen);
+    }"""
+    path.write_text(page.replace("</body>", f"<script>{script}</script></body>"), encoding="utf-8")
+    flags = ("--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-sync")
+    quiet = ("--disable-background-networking", "--disable-component-update", "--enable-logging=stderr")
+    command = [CHROMIUM, *flags, *quiet, "--virtual-time-budget=8000", f"--user-data-dir={tmp_path / 'profile'}"]
+    done = subprocess.run(
+        [*command, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=90, check=True
+    )
+    assert [line for line in done.stderr.splitlines() if "CONSOLE" in line] == []
+    first, motor, joined_up = json.loads(re.search(r"<title>(.*?)</title>", done.stdout).group(1))
+    # Legends of both figures; three deviations beneath; the marks of three records where they are joined.
+    assert [[legend, marks] for legend, marks, _ in first] == [[2, 0], [1, 2]]
+    assert [[legend, marks] for legend, marks, _ in joined_up] == [[2, 3], [1, 5]]
+    torque = content.solution.residuals.torque
+    assert first[0][2] == pytest.approx(torque[0, 0], rel=1e-4)
+    assert motor[0][2] == pytest.approx(torque[0, 1], rel=1e-4)
