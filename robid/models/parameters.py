@@ -128,7 +128,7 @@ def extremes(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> tuple[Flo
 def extreme_places(y: FloatArray, most: int = MOST_POINTS) -> IntArray:
     """Returns where values (n,) are the smallest and the largest of each stretch, in their order; all of a few.
 
-    Values that are not finite make a gap where a whole stretch has no other.
+    A value of each stretch that is not finite stays, too: gaps do not close.
     """
     if y.size <= most:
         return np.arange(y.size)
@@ -136,10 +136,11 @@ def extreme_places(y: FloatArray, most: int = MOST_POINTS) -> IntArray:
     kept: list[int] = []
     for first, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
         part = y[first:end]
-        if not np.isfinite(part).any():
-            kept.append(first)
-        else:
-            kept += [first + each for each in sorted({int(np.nanargmin(part)), int(np.nanargmax(part))})]
+        known = np.isfinite(part)
+        places = set() if known.all() else {int(np.argmin(known))}
+        if known.any():
+            places |= {int(np.nanargmin(part)), int(np.nanargmax(part))}
+        kept += [first + each for each in sorted(places)]
     return np.array(kept)
 
 

@@ -24,7 +24,7 @@ from robid.models.rigid.page.estimators import estimators_section, grade_sentenc
 from robid.models.rigid.page.friction import friction_section
 from robid.models.rigid.page.motors import motors_section
 from robid.models.rigid.page.report import sections
-from robid.models.rigid.page.torques import courses_of, joined, torque_section
+from robid.models.rigid.page.torques import courses_of, joined, short_names, torque_section
 from robid.report.numbers import MINUS, MISSING
 from robid.report.page import ReportContent, Verdict, render
 from robid.report.parameters import Estimates
@@ -113,13 +113,21 @@ def test_every_motor_and_record_is_shown_with_its_residual(robot, solution, cont
     assert max(map(abs, residual.curves[0].y)) == pytest.approx(np.abs(measured - predicted).max())
 
 
+def test_marks_have_short_names():
+    assert short_names(["day, realization 1", "day, realization 2"]) == ["realization 1", "realization 2"]
+    assert short_names(["day, realization 1", "night"]) == ["day, realization 1", "night"]
+    assert short_names(["day", "day"]) == ["day", "day"]
+
+
 def test_peaks_survive_thinning():
     rng = np.random.default_rng(1)
     x, y = np.arange(10_000.0), rng.standard_normal(10_000)
     y[4321], y[7777] = 50.0, -60.0
     y[2000:3000] = np.nan
+    y[6000] = np.nan  # one row between two records
     kept_x, kept_y = extremes(x, y, 200)
-    assert len(kept_x) <= 200
+    assert len(kept_x) <= 210
+    assert np.isnan(kept_y[(kept_x > 5900) & (kept_x < 6100)]).any(), "the gap is closed"
     assert (np.diff(kept_x) > 0).all()
     assert (np.nanmax(kept_y), np.nanmin(kept_y)) == (50.0, -60.0)
     np.testing.assert_array_equal(kept_y, y[kept_x.astype(int)])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -87,15 +87,25 @@ def joined(courses: list[Course], name: str) -> Course:
     start, times, begins = 0.0, [], []
     gap = np.full((1, courses[0].measured.shape[1]), np.nan)
     measured, predicted = [], []
-    for course in courses:
+    names = short_names([course.name for course in courses])
+    for course, own in zip(courses, names, strict=True):
         step = float(course.time_s[1] - course.time_s[0]) if len(course.time_s) > 1 else 0.0
-        begins.append((start, course.name))
+        begins.append((start, own))
         end = start + float(course.time_s[-1]) + step
         times += [start + course.time_s, np.array([end])]
         measured += [course.measured, gap]
         predicted += [course.predicted, gap]
         start = end + step
     return Course(name, np.concatenate(times), np.concatenate(measured), np.concatenate(predicted), tuple(begins))
+
+
+def short_names(names: list[str]) -> list[str]:
+    """Names without what all begin with, as the campaign in `estimation, realization 1`."""
+    parts = [name.split(", ") for name in names]
+    common = 0
+    while min(map(len, parts)) > common + 1 and len({tuple(each[: common + 1]) for each in parts}) == 1:
+        common += 1
+    return [", ".join(each[common:]) for each in parts]
 
 
 def _figures(course: Course, joint: int, unit: str, deviation: float) -> tuple[Figure, Figure]:
@@ -112,14 +122,12 @@ def _figures(course: Course, joint: int, unit: str, deviation: float) -> tuple[F
         for sign, name in ((1, "3 deviations of the fit's own"), (-1, ""))
     )
     quantity = "Force" if unit == "N" else "Current" if unit == "A" else "Torque"
-    unmarked = tuple(Line("x", at) for at, _ in course.begins)
-    return (
-        Figure(quantity, "", f"{quantity} [{unit}]", both, log_x=False, log_y=False, height=300, lines=marks),
-        Figure(
-            "Residual", "Time [s]", f"Residual [{unit}]", (left,), log_x=False, log_y=False, height=230,
-            lines=(*limits, *unmarked),
-        ),
-    )  # fmt: skip
+    first = Figure(quantity, "", f"{quantity} [{unit}]", both, log_x=False, log_y=False, height=300, lines=marks)
+    below = (*limits, *(Line("x", at) for at, _ in course.begins))
+    title = f"Residual [{unit}]"
+    second = Figure("Residual", "Time [s]", title, (left,), log_x=False, log_y=False, height=230, lines=below)
+    ends = (0.0, float(course.time_s[-1]))
+    return replace(first, x_range=ends), replace(second, x_range=ends)
 
 
 def _lead(content: RigidContent, own: list[Course], new: list[Course]) -> str:
