@@ -11,7 +11,9 @@ Schema history:
         2.5: elastic fits say in `elastic/gears` what gears alone may be.
         2.6: elastic fits say in `elastic/doubts/moves` what nuisances move the middles of intervals by, and in
             `elastic/detectable` how large a defect their residual would have shown.
+        2.7: rigid fits say in `rigid/residuals/shot` which record each row is of.
     validation:
+        3.3: rigid validations say in `rigid/prediction/shot` which record each row is of.
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
         3.0: what every family says in the groups `outcome` and `grade`, the rest in a group of the family's name.
@@ -36,8 +38,8 @@ with later(__name__):
     from robid.results.outcome import Outcome
     from robid.results.scale import read_scale
 
-MODEL = Kind("model", "2.6", "robid fit")
-VALIDATION = Kind("validation", "3.2", "robid validate")
+MODEL = Kind("model", "2.7", "robid fit")
+VALIDATION = Kind("validation", "3.3", "robid validate")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
 

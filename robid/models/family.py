@@ -35,6 +35,7 @@ class Data:
     # Models of the fits that it takes something of, by what it takes.
     taken: Mapping[HandedOn, Artifact] = field(default_factory=dict)
     origins: tuple[str, ...] = ()  # campaign of each configuration of the response, where a fit reads one
+    rows: tuple[int, ...] = ()  # index of each of them in its campaign
 
     @property
     def settings(self) -> FitSettings:
@@ -70,6 +71,8 @@ class Shown:
     true: Mapping[str, float] = field(default_factory=dict)
     told: tuple[str, ...] = ()  # what the page warns of anyway
     beside: tuple[Shown, ...] = ()  # the run's other fits of the family, which may have measured the same
+    # Reads the record of one configuration of a campaign, by name and index; None where there is none, or nobody looks.
+    record: Callable[[str, int], Record | None] = lambda _campaign, _row: None
 
 
 @dataclass(frozen=True)

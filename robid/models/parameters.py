@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.artifacts.results import grade_from_artifact
 from robid.report.page import Basis, FitReport, Headline, KeyNumber
 from robid.report.parameter_section import count_identified, identified_phrase, parameter_numbers, parameter_table
@@ -129,6 +130,49 @@ def thinned(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Returns as many of the points (n,) of a curve as a page can draw."""
     step = max(1, -(-x.size // MOST_POINTS))
     return x[::step], y[::step]
+
+
+def extremes(x: FloatArray, y: FloatArray, most: int = MOST_POINTS) -> tuple[FloatArray, FloatArray]:
+    """Thins a curve (n,) to the smallest and the largest value of each stretch: no peak is lost."""
+    kept = extreme_places(y, most)
+    return x[kept], y[kept]
+
+
+def extreme_places(y: FloatArray, most: int = MOST_POINTS) -> IntArray:
+    """Returns where values (n,) are the smallest and the largest of each stretch, in their order; all of a few.
+
+    A value of each stretch that is not finite stays, too: gaps do not close.
+    """
+    if y.size <= most:
+        return np.arange(y.size)
+    ends = np.linspace(0, y.size, most // 2 + 1).astype(int)
+    kept: list[int] = []
+    for first, end in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
+        part = y[first:end]
+        known = np.isfinite(part)
+        places = set() if known.all() else {int(np.argmin(known))}
+        if known.any():
+            places |= {int(np.nanargmin(part)), int(np.nanargmax(part))}
+        kept += [first + each for each in sorted(places)]
+    return np.array(kept)
+
+
+def over_time(
+    name: str, time_s: FloatArray, y: FloatArray, shade: int, most: int = MOST_POINTS, half: FloatArray | None = None
+) -> Curve:
+    """Returns a solid curve (n,) over time whose peaks stay: what is measured is wide, so that it shows beneath others.
+
+    Args:
+        name: Its name.
+        time_s (n,): Time [s].
+        y (n,): Values; NaN makes a gap.
+        shade: One of `MEASURED`, `MODEL`, `ERROR` and `GREY`.
+        most: Points that are left of it.
+        half (n,): Half the width of a band around it, or None.
+    """
+    kept = extreme_places(y, most)
+    drawn = curve(name, time_s[kept], y[kept], shade, None if half is None else half[kept])
+    return replace(drawn, dashed=False, width=2.8 if shade == MEASURED else 1.2)
 
 
 def with_torque_unit(unit: str, torque_unit: str) -> str:

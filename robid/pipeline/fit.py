@@ -44,11 +44,12 @@ def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: t
     if not frfs:
         return Data(loaded, name, None, records, fit.configurations or ())
     frf = frfs[0] if len(frfs) == 1 else join(frfs, fit.campaigns)
-    of_each = [name for name, one in zip(fit.campaigns, frfs, strict=True) for _ in one.configurations]
+    pairs = zip(fit.campaigns, frfs, strict=True)
+    of_each = [(name, row) for name, one in pairs for row in range(len(one.configurations))]
     chosen = tuple(range(len(of_each))) if fit.configurations is None else fit.configurations
-    origins = tuple(of_each[index] for index in chosen)
+    origins, rows = (tuple(column) for column in zip(*(of_each[index] for index in chosen), strict=True))
     selected = frf if fit.configurations is None else frf.select(chosen)
-    return Data(loaded, name, selected, records, chosen, origins=origins)
+    return Data(loaded, name, selected, records, chosen, origins=origins, rows=rows)
 
 
 def run(job: Job) -> str:

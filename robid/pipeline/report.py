@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import partial
 from pathlib import Path
 from typing import Literal
 
@@ -16,28 +17,30 @@ from robid.artifacts.kinds import (
     DESIGN,
     EXCITATION,
     FRF,
+    RECORD,
     design_from_artifact,
     excitation_from_artifact,
     frf_from_artifact,
+    record_from_artifact,
 )
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import inspect_artifact, read_artifact, read_header
 from robid.artifacts.truth import read_truth
 from robid.design.configurations.information import ConfigurationDesign
-from robid.design.excitation.excitation import UNITS, CampaignExcitation
+from robid.design.excitation.excitation import CampaignExcitation
 from robid.frf.frf import Frf
 from robid.frf.quality import saturation_text
 from robid.models.family import Data, Shown, family_of
 from robid.pipeline.estimate_frf import contradictions
 from robid.pipeline.fit import data_of
 from robid.pipeline.freshness import stamped
+from robid.pipeline.measured import excitation_row, limits_sections
 from robid.pipeline.plans import truth_input
 from robid.pipeline.stage import Job, Stage, counted
 from robid.report.design import design_section
 from robid.report.experiment import (
     ConfigurationRow,
     ExcitationRow,
-    PeakRow,
     StageRow,
     TorqueRow,
     experiment_section,
@@ -57,6 +60,7 @@ from robid.results.grade import DO_NOT_USE, PREDICTS, TRUST
 from robid.results.plausible.evidence import gather_evidence
 from robid.robot.kinematics import skeleton
 from robid.settings.load import LoadedExperiment
+from robid.signals.record import Record
 
 _LEVELS: dict[int, Literal["ok", "warn", "bad"]] = {TRUST: "ok", PREDICTS: "warn", DO_NOT_USE: "bad"}
 
@@ -74,8 +78,15 @@ class RunContent:
     measured: tuple[str, ...] = ()  # what each campaign's response is, in a phrase, where no fit was asked for
 
 
-def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str]) -> RunContent:
-    """Reads the artifacts of a run and lays them out.
+def gather(
+    chain: Sequence[Stage],
+    loaded: LoadedExperiment,
+    folder: Path,
+    present: Collection[str],
+    *,
+    with_signals: bool = False,
+) -> RunContent:
+    """Reads the artifacts of a run and lays them out, with what records show in time where that is asked for.
 
     Raises:
         ArtifactError: If one cannot be read.
@@ -83,13 +94,22 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
-    # Fits of one family are shown beside each other, and compared.
-    families = {name: loaded.experiment.fits[name].family for name in shown}
-    alike = {family: [name for name in shown if families[name] == family] for family in families.values()}
-    besides = {name: tuple(shown[one] for one in alike[families[name]] if one != name) for name in shown}
-    fits = tuple(family_of(loaded, name).report(replace(shown[name], beside=besides[name])) for name in shown)
-    excitations = tuple(_excitation(loaded, run, name) for name in run.excitations)
+    if with_signals:
+        shown = {name: replace(one, record=partial(_record, folder, run)) for name, one in shown.items()}
+    fits, compared = _reports(loaded, shown)
+    limits = limits_sections(loaded, folder, tuple(run.shapes)) if with_signals else ()
+    excitations = tuple(
+        excitation_row(loaded, name, one, run.shapes[name], run.frfs.get(name)) for name, one in run.excitations.items()
+    )
     alone = [(name, frf) for name, frf in run.frfs.items() if name not in _fitted(loaded, run)]
+    sections = (
+        *fit_sections(fits),
+        *response_sections(alone),
+        *(_design(loaded, name, design) for name, design in run.designs.items()),
+        *limits,
+        *_experiment(loaded, run, excitations),
+        *run_section(_stage_rows(chain, loaded, folder, present)),
+    )
     content = ReportContent(
         title=loaded.experiment.name,
         verdict=_verdict(loaded, run, fits, warnings),
@@ -97,21 +117,28 @@ def gather(chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, prese
         fits=fits_table(fits),
         headlines=tuple(fit.headline for fit in fits) or response_headlines(alone),
         warnings=warnings,
-        sections=(
-            *fit_sections(fits),
-            *response_sections(alone),
-            *(_design(loaded, name, design) for name, design in run.designs.items()),
-            *_experiment(loaded, run, excitations),
-            *run_section(_stage_rows(chain, loaded, folder, present)),
-        ),
+        sections=sections,
     )
-    each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
-    responses = {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
     measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
+    return RunContent(content, fits, run.designs, excitations, compared, _response_numbers(run), measured)
+
+
+def _reports(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> tuple[tuple[FitReport, ...], dict[str, float]]:
+    """Lays out fits, those of one family beside each other, and compares these by dotted name."""
+    families = {name: loaded.experiment.fits[name].family for name in shown}
+    alike = {family: [name for name in shown if families[name] == family] for family in families.values()}
+    besides = {name: tuple(shown[one] for one in alike[families[name]] if one != name) for name in shown}
+    fits = tuple(family_of(loaded, name).report(replace(shown[name], beside=besides[name])) for name in shown)
     compared: dict[str, float] = {}
     for names in alike.values():
         compared |= family_of(loaded, names[0]).compare([shown[name] for name in names])
-    return RunContent(content, fits, run.designs, excitations, compared, responses, measured)
+    return fits, compared
+
+
+def _response_numbers(run: _Run) -> dict[str, float]:
+    """Numbers on each campaign's response, by dotted name."""
+    each = ((name, response_summary(frf)) for name, frf in run.frfs.items())
+    return {f"campaigns.{name}.{key}": value for name, summary in each for key, value in summary.items()}
 
 
 def _fitted(loaded: LoadedExperiment, run: _Run) -> set[str]:
@@ -144,6 +171,15 @@ def _shown(loaded: LoadedExperiment, folder: Path, name: str, run: _Run, warning
         new=None if validation is None else Data(loaded, name, new, taken=taken),
         true=true,
         told=warnings,
+    )
+
+
+def _record(folder: Path, run: _Run, campaign: str, row: int) -> Record | None:
+    """Reads one configuration of a campaign's record, if there is one."""
+    if campaign not in run.shapes:
+        return None
+    return record_from_artifact(
+        read_artifact(folder / campaign / "record.h5", RECORD, row=row, leave_out=("reference",))
     )
 
 
@@ -225,48 +261,6 @@ def _verdict(loaded: LoadedExperiment, run: _Run, fits: tuple[FitReport, ...], w
     return Verdict(" ".join(texts), _LEVELS[min(DO_NOT_USE if fit.grade is None else fit.grade for fit in fits)])
 
 
-def _excitation(loaded: LoadedExperiment, run: _Run, campaign: str) -> ExcitationRow:
-    excitation = run.excitations[campaign].excitation
-    low, high = excitation.frequency_hz[[0, -1]].tolist()
-    motors = tuple(joint.name for joint in loaded.robot.joints)
-    if campaign in run.frfs and not loaded.experiment.campaigns[campaign].moves_poses:
-        motors = run.frfs[campaign].input_names
-    # Of the motors' own responses; those across motors have zeros.
-    snr_db = None if excitation.plan is None else excitation.plan.snr_db
-    worst_snr_db = None if snr_db is None else float(np.diagonal(snr_db, axis1=-2, axis2=-1).min())
-    return ExcitationRow(
-        campaign=campaign,
-        lines=len(excitation.excited_lines),
-        low_hz=low,
-        high_hz=high,
-        duration_s=float(np.prod(run.shapes[campaign][:4])) * excitation.period_s,
-        rms=tuple(excitation.rms.tolist()) if len(excitation.reference) else (),
-        rms_unit=UNITS[excitation.kind],
-        peaks=_peaks(run.excitations[campaign], motors, loaded.robot.slides),
-        detection_lines=len(excitation.detection_lines),
-        period_s=excitation.period_s,
-        crest_factor=float(excitation.crest_factor.max()) if excitation.crest_factor.size else None,
-        worst_snr_db=worst_snr_db,
-    )
-
-
-def _peaks(content: CampaignExcitation, names: tuple[str, ...], slides: list[bool]) -> tuple[PeakRow, ...]:
-    plan = content.excitation.plan
-    if plan is None:
-        return ()
-    quantities = (
-        ("speed", "rad/s", plan.speed_rms, plan.speed_peak, plan.speed_limit),
-        ("torque", "N m", plan.torque_rms, plan.torque_peak, plan.torque_limit),
-        ("arm excursion", "rad", plan.excursion_rms, plan.excursion_peak, plan.excursion_limit),
-    )
-    rows = []
-    for motor, (name, own) in enumerate(zip(names, slides, strict=True)):
-        for quantity, unit, rms, peak, limit in quantities:
-            worst = float(peak[:, motor].max()), float(limit[motor]), float(rms[:, motor].max())
-            rows.append(PeakRow(name, quantity, "m" if unit == "rad" and own else unit, *worst))
-    return tuple(rows)
-
-
 _SHORT = 8
 
 
@@ -293,7 +287,7 @@ def _stage_rows(
 
 def run(chain: Sequence[Stage], job: Job) -> str:
     """Writes the page and its numbers on what a chain of stages has made; returns what is on it."""
-    gathered = gather(chain, job.loaded, job.folder, job.inputs)
+    gathered = gather(chain, job.loaded, job.folder, job.inputs, with_signals=True)
     write_json(job.output.with_name("summary.json"), summarize(gathered))
     write_page(job.output, gathered.content, job.provenance())
     responses = sum(path.name == "frf.h5" for path in job.inputs.values())

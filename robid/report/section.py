@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import product
 from typing import Literal, TypeAlias
 
 from robid.report.charts import BodeMatrix, Heatmap, MovingArms, RatioChart, Skeletons, Waterfall
@@ -73,6 +74,7 @@ class Curve:
     upper: tuple[float, ...] = ()  # upper end of the band
     shade: int | None = None  # index of its colour; that of its place among the curves when None
     dashed: bool = False  # whether a line of a stated shade is dashed; else its place among the curves says how
+    width: float = 1.8  # of a line [pixel]
 
 
 @dataclass(frozen=True)
@@ -152,8 +154,22 @@ class Choice:
     options: tuple[tuple[str, tuple[Part, ...]], ...]  # name and parts of each
 
 
+@dataclass(frozen=True)
+class Choices:
+    """Parts of which the reader chooses one by several choices, whose options are combined freely."""
+
+    labels: tuple[str, ...]  # what is chosen, as in `Motor` and `Record`
+    options: tuple[tuple[tuple[str, ...], tuple[Part, ...]], ...]  # names, one for each choice, and parts
+
+    def __post_init__(self) -> None:
+        names = [option for option, _ in self.options]
+        every = set(product(*(dict.fromkeys(column) for column in zip(*names, strict=True))))
+        if len(set(names)) < len(names) or set(names) != every or {*map(len, names)} != {len(self.labels)}:
+            raise ValueError(f"Choices of {', '.join(self.labels)} must have each combination once.")
+
+
 AnyFigure: TypeAlias = Figure | Bars | Skeletons | MovingArms | Waterfall | RatioChart | Heatmap | BodeMatrix
-Part: TypeAlias = Table | Notes | Beside | Folded | Choice | AnyFigure
+Part: TypeAlias = Table | Notes | Beside | Folded | Choice | Choices | AnyFigure
 
 
 @dataclass(frozen=True)
@@ -178,6 +194,6 @@ def _tables(parts: tuple[Part, ...]) -> Iterator[Table]:
             yield part
         elif isinstance(part, Beside | Folded):
             yield from _tables(part.parts)
-        elif isinstance(part, Choice):
+        elif isinstance(part, Choice | Choices):
             for _, parts in part.options:
                 yield from _tables(parts)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
@@ -14,6 +15,13 @@ from robid.signals.quantities import Channel, channel_names, joint_unit, units_t
 
 def _no_lines() -> IntArray:
     return np.zeros(0, int)
+
+
+def place_words(place: Sequence[int], counts: Sequence[int]) -> list[str]:
+    """Says which configuration, realization and experiment it is, counted from 1, where there are several."""
+    words = ("configuration", "realization", "experiment")
+    every = zip(words, place, counts, strict=False)
+    return [f"{word} {index + 1}" for word, index, count in every if count > 1]
 
 
 _SAMPLES = "configuration realization experiment period sample"

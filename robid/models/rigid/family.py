@@ -8,7 +8,7 @@ from robid.models.family import Export, Family
 with later(__name__):
     from robid.models.rigid.files import mjcf, robot_file, urdf, write_csv, write_json, write_mat
     from robid.models.rigid.fitting import fit, misfits, phrase_of_model, validate, values_in
-    from robid.models.rigid.page import report
+    from robid.models.rigid.page.report import report
     from robid.models.rigid.settings import RigidFit, model_settings, problems, seed_of
 
 RIGID = Family(

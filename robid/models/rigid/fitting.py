@@ -89,7 +89,7 @@ def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, 
         campaign = data.loaded.experiment.campaigns[name]
         late = round(delay_s(data.loaded, campaign) / record.sampling_period_s)
         loaded = payload_kg(campaign, data.loaded.robot) > 0
-        found += shots_of(record, robot, late_samples=late, loaded=loaded)
+        found += shots_of(record, robot, late_samples=late, loaded=loaded, name=name)
     return tuple(found)
 
 

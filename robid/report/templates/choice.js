@@ -75,5 +75,24 @@ robid.choices = (() => {
     show();
   });
 
+  // Parts of which one is shown by several choices, in any combination.
+  document.querySelectorAll("[data-choices]").forEach((frame) => {
+    const host = frame.firstElementChild;
+    const parts = [...frame.children].slice(1);
+    const names = parts.map((part) => JSON.parse(part.dataset.names));
+    const list = JSON.parse(frame.dataset.choices).map((label, place) => {
+      const options = [...new Set(names.map((each) => each[place]))];
+      return { key: `choice-${place}`, label, look: options.length > 1 ? "steps" : "", options: () => options };
+    });
+    const show = () => {
+      const chosen = list.map((one) => one.options()[made.state[one.key]]);
+      parts.forEach((part, index) => { part.hidden = names[index].some((name, place) => name !== chosen[place]); });
+      robid.redraw();
+    };
+    const made = choices(host, list, show);
+    if (parts.length < 2) host.remove();
+    show();
+  });
+
   return choices;
 })();

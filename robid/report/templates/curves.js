@@ -33,7 +33,7 @@
     const shade = shadeOf(curve, index), symbol = curve.symbol || "dot";
     const hovertemplate = curve.texts ? "%{text}<extra></extra>" : `${curve.name}: %{y:.3g}<extra></extra>`;
     const drawn = { type: "scatter", name: curve.name, x: curve.x, y: curve.y, text: curve.texts, hovertemplate };
-    if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
+    if (!curve.points) return { ...drawn, mode: "lines", line: { color: shade, width: curve.width || 1.8, dash: curve.shade === undefined ? DASHES[index % DASHES.length] : DASHES[curve.dashed ? 1 : 0] } };
     return { ...drawn, mode: "markers", marker: { size: symbol === "small" ? 4 : 9, color: shade, symbol: SYMBOLS[symbol], line: { color: shade, width: ["dot", "small"].includes(symbol) ? 0 : 1.8 } } };
   }
 
@@ -58,10 +58,12 @@
     return { type: "line", [`${own}ref`]: own, [`${other}ref`]: "paper", [`${own}0`]: line.at, [`${own}1`]: line.at, [`${other}0`]: 0, [`${other}1`]: 1, line: { color: colour("muted"), width: 1, dash: "dot" } };
   }
 
-  function labelOf(line, isLog, index) {
-    const at = isLog ? Math.log10(line.at) : line.at;
-    const place = line.along === "x" ? { x: at, xref: "x", y: 1, yref: "paper", xanchor: "left", yanchor: "top", xshift: 3, yshift: -15 * index } : { y: at, yref: "y", x: 1, xref: "paper", xanchor: "right", yanchor: "bottom" };
-    return { ...place, text: line.name, showarrow: false, font: { size: 11, color: colour("muted") } };
+  // Names of upright lines stand at their right, as far as there is room.
+  function labelOf(line, isLog, index, room) {
+    const at = isLog ? Math.log10(line.at) : line.at, fits = room(at) > 6 * line.name.length;
+    const across = fits ? { x: at, xref: "x", xanchor: "left", xshift: 3 } : { x: 1, xref: "paper", xanchor: "right" };
+    const place = line.along === "x" ? { ...across, y: 1, yref: "paper", yanchor: "top", yshift: -15 * index } : { y: at, yref: "y", x: 1, xref: "paper", xanchor: "right", yanchor: "bottom" };
+    return { ...place, text: line.name, showarrow: false, bgcolor: colour("veil"), font: { size: 11, color: colour("muted") } };
   }
 
   function draw(host, figure) {
@@ -71,12 +73,15 @@
     const across = figure.x_labels.length ? { ...labelled(figure.x_labels), title: title(figure.x_title) } : { ...scale(x, figure.log_x, figure.x_title, figure.x_range), hoverformat: ".4~r" };
     const upright = scale(y, figure.log_y, figure.y_title, figure.y_range);
     const bands = figure.curves.flatMap(bandOf);
+    const ends = (figure.x_range || x).filter((value) => value !== null && (!figure.log_x || value > 0)).map((value) => (figure.log_x ? Math.log10(value) : value));
+    const [low, high] = [Math.min(...ends), Math.max(...ends)];
+    const room = (at) => (host.clientWidth - 82) * (high - at) / (high - low);
     Plotly.react(host, [...bands, ...figure.curves.map(trace)], layout({
       width: host.clientWidth, height: figure.height, hovermode: figure.curves.some((curve) => curve.points) ? "closest" : "x", showlegend: figure.legend,
       margin: { l: figure.y_title ? 72 : 46, r: 10, t: figure.legend ? 34 : 6, b: figure.x_title ? 46 : 26 },
       legend: { orientation: "h", x: 0, y: 1.02, yanchor: "bottom", font: { size: 12 } },
       shapes: figure.lines.map(straight),
-      annotations: figure.lines.filter((line) => line.name).map((line, index) => labelOf(line, line.along === "x" ? figure.log_x : figure.log_y, index)),
+      annotations: figure.lines.filter((line) => line.name).map((line, index) => labelOf(line, line.along === "x" ? figure.log_x : figure.log_y, index, room)),
       xaxis: across,
       yaxis: figure.equal ? { ...upright, scaleanchor: "x", scaleratio: 1 } : upright,
     }), hover);

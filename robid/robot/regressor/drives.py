@@ -63,7 +63,13 @@ _FORCES = {
     "N m": "N",
     "N m s/rad": "N s/m",
     "N m s^2/rad^2": "N s^2/m^2",
-}  # Units of what acts on a motor, where a slide's force is measured instead
+    "kg m^2": "kg",
+}  # Units of what acts on a motor, where it is a slide's force that counts instead
+
+
+def acts_along(joint: Joint) -> bool:
+    """Whether what drives a joint is a force along it: on a slide without a motor, or whose radian is a metre."""
+    return joint.type == "prismatic" and (not joint.has_motor or abs(joint.motor.gear_ratio) == 1.0)
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def _term(
 ) -> DriveTerm:
     about = PARAMETER_KINDS[kind]
     unit = about.linear_unit if joint.type == "prismatic" else about.unit
-    if not joint.has_motor and joint.type == "prismatic":
+    if acts_along(joint):
         unit = _FORCES.get(unit, unit)
     return DriveTerm(joint.name, component or kind, kind, unit, nominal, row, effect)
 

@@ -11,14 +11,13 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.artifacts.artifact import Artifact, Attribute, Dataset
 from robid.artifacts.kinds import from_datasets, to_datasets
-from robid.models.rigid.courses import course
 from robid.models.rigid.fit import regression
 from robid.models.rigid.fit.conclusion import Conclusion, conclude, solve_instruments
 from robid.models.rigid.fit.options import ConclusionOptions, HuberOptions, PreprocessingOptions
 from robid.models.rigid.fit.residuals import Influence
 from robid.models.rigid.fit.rows import Reading, Regressor, Remembered, prepare
 from robid.models.rigid.fit.solution import RowResiduals
-from robid.models.rigid.page import histogram, weights
+from robid.models.rigid.page.residuals import course, histogram, weights
 from robid.report.numbers import percent, significant
 from robid.report.section import Figure, Notes, Table
 from robid.settings.robot_parts import plain_settings

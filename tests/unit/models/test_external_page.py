@@ -58,6 +58,12 @@ def figures(parts):
                 yield from figures(inner)
 
 
+def chosen(parts):
+    """Counts the figures that are seen before anybody chooses."""
+    counts = [chosen(part.options[0][1]) if isinstance(part, Choice) else len(list(figures([part]))) for part in parts]
+    return sum(counts)
+
+
 @pytest.mark.parametrize(
     ("numerator", "denominator", "text"),
     [
@@ -98,9 +104,14 @@ def test_differences_lie_within_the_bounds_that_are_drawn(page, validation):
     shown, difference = list(figures(page[1].parts))[:2]
     assert [curve.name for curve in shown.curves] == ["measured", "simulated"]
     left, bounds = difference.curves
-    inside = (np.array(left.y) >= bounds.lower) & (np.array(left.y) <= bounds.upper)
-    assert inside.mean() == pytest.approx(validation.bounds[0].inside, abs=0.02)
-    np.testing.assert_allclose(np.array(shown.curves[0].y) - shown.curves[1].y, left.y, atol=1e-12)
+    found, factor, wide = validation.traces, 1e3, NormalDist().inv_cdf(0.5 + 0.5 * validation.confidence)
+    rows = np.flatnonzero((found.output == 0) & (found.shot == found.shot[0]))
+    off, half = factor * (found.measured - found.predicted)[rows], factor * wide * found.std[rows]
+    kept = {float(time): place for place, time in enumerate(found.time_s[rows])}
+    np.testing.assert_allclose(left.y, [off[kept[time]] for time in left.x])
+    np.testing.assert_allclose(bounds.upper, [half[kept[time]] for time in bounds.x])
+    assert (max(left.y), min(left.y)) == pytest.approx((off.max(), off.min()))
+    assert np.mean(np.abs(off) <= half) == pytest.approx(validation.bounds[0].inside, abs=0.02)
 
 
 def test_a_step_that_goes_the_wrong_way_first_is_named(page, solution):
@@ -173,6 +184,21 @@ def test_coupled_pairs_are_red_and_above_the_thresholds(solution):
     assert "Z to X" in " ".join(chart.curves[1].texts)
 
 
+def test_each_record_is_shown_by_itself(page, solution, validation):
+    (choice,) = (part for part in page[1].parts if isinstance(part, Choice))
+    for output, (name, (records,)) in enumerate(choice.options):
+        assert name == "XZ"[output]
+        own, new = (
+            np.unique(found.shot[found.output == output]).tolist() for found in (solution.traces, validation.traces)
+        )
+        titles = [*(f"{validation.traces.shots[shot]} (validation)" for shot in new)]
+        titles += [f"{solution.traces.shots[shot]} (fit)" for shot in own]
+        assert [title for title, _ in records.options] == titles
+        for _, (shown, difference) in records.options:
+            assert (np.diff(shown.curves[0].x) > 0).all(), "one record, whose time does not begin anew"
+            assert difference.curves[0].name == "measured less simulated"
+
+
 def test_own_data_stand_in_for_new_ones(solution):
     section = own_section(solution)
     assert section.title == "On its own data"
@@ -193,11 +219,8 @@ def test_every_figure_is_drawn_without_a_complaint(tmp_path, page):
         [*command, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=90, check=True
     )
     assert [line for line in done.stderr.splitlines() if "CONSOLE" in line] == []
-    first = [section.parts for section in page]
-    visible = sum(
-        len(list(figures(part.options[0][1]))) for parts in first for part in parts if isinstance(part, Choice)
-    )
-    assert done.stdout.count("chart js-plotly-plot") == visible + 1  # and the map
+    visible = sum(chosen(section.parts) for section in page)
+    assert done.stdout.count("chart js-plotly-plot") == visible
 
 
 def test_a_matrix_has_all_its_channels_and_judges_steps_of_its_own_alone():

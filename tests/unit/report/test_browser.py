@@ -11,7 +11,11 @@ from html import unescape
 import numpy as np
 import pytest
 
-from robid.report.page import render
+from robid.frf.replay import Replay
+from robid.models.elastic.page.signals import Signals, signal_section
+from robid.report.page import ReportContent, Verdict, render
+from robid.report.reached import Plane, ReachedRow, reached_section
+from robid.report.section import Choices, Curve, Figure, Section
 
 CHROMIUM = next(
     (found for name in ("chromium", "chromium-browser", "google-chrome") if (found := shutil.which(name))), None
@@ -359,3 +363,77 @@ def test_screenshots(size, scheme, tmp_path, arm_content):
     )
     assert console == []
     assert picture.stat().st_size > 50_000
+
+
+STEP_THROUGH = """
+  const seen = [];
+  const visible = () => [...document.querySelectorAll('.chart')].filter((one) => one.clientWidth > 0);
+  const note = () => seen.push(visible().map((one) => ({
+    first: one.data[0].y[0],
+    names: one.data.filter((trace) => trace.showlegend !== false).map((trace) => trace.name),
+    legend: one.querySelectorAll('.legend .traces').length,
+    fits: one.querySelector('.main-svg').clientWidth <= one.clientWidth && one.scrollWidth <= one.clientWidth + 1,
+  })));
+  const pick = (label, value) => {
+    const every = [...document.querySelectorAll(`select[aria-label="${label}"]`)];
+    const select = every.find((one) => one.offsetParent !== null);
+    select.value = String(value); select.dispatchEvent(new Event('change')); note();
+  };
+"""
+
+
+def stepped(sections, tmp_path, picks, *arguments):
+    """What is seen of figures at first and after each pick of a choice."""
+    page = tmp_path / "report.html"
+    page.write_text(render(ReportContent("t", Verdict("It holds.", "ok"), "", sections=sections)), encoding="utf-8")
+    script = STEP_THROUGH + "note();" + "".join(f"pick({label!r}, {value});" for label, value in picks)
+    html, console = open_page(
+        add_script(page, f"{{{script} document.title = JSON.stringify(seen); }}"), tmp_path, "--dump-dom", *arguments
+    )
+    assert console == []
+    return json.loads(html_text(re.search(r"<title>(\[.*?\])</title>", html, re.DOTALL).group(1)))
+
+
+def html_text(text):
+    return text.replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
+
+
+def test_two_choices_are_combined_freely(tmp_path):
+    names = [(motor, record) for motor in ("a", "b") for record in ("it's 1", '"2"', "3")]
+    options = tuple(
+        (each, (Figure("", "x", "y", (Curve("c", (0.0, 1.0), (float(place), 9.0)),), log_x=False, log_y=False),))
+        for place, each in enumerate(names)
+    )
+    section = Section("s", parts=(Choices(("Motor", "Record"), options),))
+    picks = [("record", 2), ("motor", 1), ("record", 1), ("motor", 0), ("record", 0)]
+    seen = stepped((section,), tmp_path, picks)
+    assert [[one["first"] for one in each] for each in seen] == [[0], [2], [5], [4], [1], [0]]
+
+
+def test_combinations_must_be_complete():
+    part = (Figure("", "x", "y", ()),)
+    for names in ([("a", "1"), ("b", "2")], [("a", "1"), ("a", "1")], [("a",), ("b",)]):
+        with pytest.raises(ValueError, match="each combination once"):
+            Choices(("Motor", "Record"), tuple((each, part) for each in names))
+
+
+@pytest.mark.parametrize("width", [1400, 800, 500])
+def test_signals_and_limits_are_drawn_whatever_is_chosen(width, tmp_path):
+    time = np.arange(2000) / 1000
+    measured = np.stack([np.sin(30 * time), 2 + np.cos(50 * time)], axis=1)
+    replays = [Replay(time, measured + shift, 0.9 * measured, 1.1 * measured) for shift in (0.0, 5.0)]
+    kinds = ("axis_1", "axis_2"), ("rad/s^2",) * 2, ("acceleration",) * 2
+    signals = signal_section([Signals(name, *kinds, found) for name, found in zip(("1", "2"), replays, strict=True)])
+    hull = ((-3.0, -1.0), (3.0, -1.0), (3.0, 1.0), (-3.0, 1.0))
+    rows = tuple(ReachedRow("day", motor, "speed", "rad/s", 1.0, 3.0, 2.0) for motor in ("axis_1", "axis_2"))
+    planes = tuple(Plane("day", motor, hull, hull, 4.0, 2.0, 0.5) for motor in ("axis_1", "axis_2"))
+    picks = [("output", 1), ("configuration", 1), ("output", 0)]
+    seen = stepped((*signals, *reached_section(rows, planes)), tmp_path, picks, f"--window-size={width},2400")
+    firsts = [0.0, 3.0, 8.0, 5.0]
+    assert [each[0]["first"] for each in seen] == firsts
+    for each in seen:
+        assert [one["names"] for one in each] == [
+            ["measured", "model"], ["measured less model"], ["all lines of the band", "measured", "model"],
+            ["day", "day, samples"],
+        ]  # fmt: skip
+        assert all(one["fits"] and one["legend"] == len(one["names"]) for one in each)

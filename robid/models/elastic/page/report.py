@@ -26,6 +26,7 @@ from robid.models.elastic.page.resonances import (
     resonance_section,
     resonance_table,
 )
+from robid.models.elastic.page.signals import Signals, signal_section, signals_of
 from robid.models.family import Shown
 from robid.models.parameters import basis_of, parameter_summary
 from robid.report.charts import BodeMatrix, BodeResponse, Mark
@@ -84,10 +85,11 @@ def headline(fit: FitContent) -> Headline:
     )
 
 
-def sections(fit: FitContent, told: tuple[str, ...] = ()) -> tuple[Section, ...]:
-    """Lays out a fit: its responses, parameters, nuisances, resonances, costs and starts."""
+def sections(fit: FitContent, told: tuple[str, ...] = (), signals: tuple[Signals, ...] = ()) -> tuple[Section, ...]:
+    """Lays out a fit: its responses, signals, parameters, nuisances, resonances, costs and starts."""
     return (
         _response(fit, told),
+        *signal_section(signals),
         *parameter_section(fit.estimates, _conventions(fit)),
         *gear_section(fit.gears, fit.estimates.level),
         *middle_section(fit.middles),
@@ -315,7 +317,9 @@ def report(shown: Shown) -> FitReport:
     """Lays out an elastic fit for page, terminal and summary."""
     validation = None if shown.validation is None else validation_from_artifact(shown.validation)
     worst = ("", "") if validation is None else worst_error(validation)
-    return replace(fit_report(fit_content(shown), validation, shown.told), basis=basis_of(shown, worst))
+    fit = fit_content(shown)
+    found = fit_report(fit, validation, shown.told, signals_of(shown, fit))
+    return replace(found, basis=basis_of(shown, worst))
 
 
 def worst_error(validation: Validation) -> tuple[str, str]:
@@ -329,13 +333,18 @@ def compare(every: Sequence[Shown]) -> dict[str, float]:
     return comparison([fit_content(shown) for shown in every])
 
 
-def fit_report(fit: FitContent, validation: Validation | None = None, told: tuple[str, ...] = ()) -> FitReport:
+def fit_report(
+    fit: FitContent,
+    validation: Validation | None = None,
+    told: tuple[str, ...] = (),
+    signals: tuple[Signals, ...] = (),
+) -> FitReport:
     """Puts together all that is shown of a fit."""
     return FitReport(
         headline=headline(fit),
         verdict=_verdict(fit, validation),
         grade=None if fit.grade is None else fit.grade.value,
-        sections=sections(fit, told),
+        sections=sections(fit, told, signals),
         parameters=fit.estimates.rows,
         summary=fit_summary(fit, validation),
         terminal=tuple(fit_tables(fit)),

@@ -12,7 +12,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.options import ExternalOptions
 from robid.signals.quantities import QUANTITIES, Channel
-from robid.signals.record import Record
+from robid.signals.record import Record, place_words
 
 _SAME = 1e-6  # of a command's range
 _ROUNDING = 1e-6  # of the largest value, as samples are stored
@@ -101,9 +101,9 @@ def shots_of(record: Record, options: ExternalOptions, name: str) -> tuple[Shot,
             noise_std=_scatter(answers, offset=not absolute),
             repeats=len(answers),
             sampling_period_s=record.sampling_period_s,
-            name=", ".join([name, *_words(place, record.inputs.shape[:3])]),
+            name=", ".join([name, *place_words(place, record.inputs.shape[:3])]),
             offset=not absolute,
-            place=", ".join([name, *_words(place[:1], record.inputs.shape[:1])]),
+            place=", ".join([name, *place_words(place[:1], record.inputs.shape[:1])]),
             quantum=np.array([quantum_of(each) for each in answers[0].T]),
             wander=_wander(repeats) if holds_position else None,
         )
@@ -183,13 +183,6 @@ def _wander(repeats: FloatArray) -> FloatArray | None:
     alone = count / (count - 1) * (levels**2).mean(axis=(0, 1))
     by_noise = stretches.var(axis=2, ddof=1).mean(axis=(0, 1)) * count / (count - 1) / length
     return np.asarray(np.where(alone > _CHANCE * by_noise, np.sqrt(np.maximum(alone - by_noise, 0.0)), 0.0))
-
-
-def _words(place: Sequence[int], counts: Sequence[int]) -> list[str]:
-    """Says which configuration, realization and experiment it is, counted from 1, where there are several."""
-    words = ("configuration", "realization", "experiment")
-    every = zip(words, place, counts, strict=False)
-    return [f"{word} {index + 1}" for word, index, count in every if count > 1]
 
 
 def _integrated(values: FloatArray, sampling_period_s: float, hold: str, *, periodic: bool) -> FloatArray:

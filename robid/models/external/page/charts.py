@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.etfe import Excitation
 from robid.models.external.fit.solution import ExternalSolution, StepResponses
-from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, MOST_POINTS, curve, quantile, thinned
+from robid.models.parameters import ERROR, GREY, MEASURED, MODEL, curve, over_time, quantile
 from robid.report.section import Curve, Figure, Line
 
 _HIDES = 0.5  # of what curves span, bounds reach beyond them
@@ -30,8 +30,8 @@ def excitation_figures(found: Excitation, channel: int, shot: int, units: tuple[
     (to_command, unit), (to_answer, other) = (readable_factor(each) for each in units)
     title = f"[{unit}]" if unit == other else f"[{unit}; {other}]"
     time = (
-        curve("command", *thinned(found.time_s[rows], to_command * found.command[rows]), MEASURED),
-        curve("output", *thinned(found.time_s[rows], to_answer * found.answer[rows]), MODEL),
+        over_time("command", found.time_s[rows], to_command * found.command[rows], MEASURED),
+        over_time("output", found.time_s[rows], to_answer * found.answer[rows], MODEL),
     )
     spectra = (
         curve("command", found.frequency_hz[lines], to_command * found.command_amplitude[lines], MEASURED),
@@ -133,16 +133,19 @@ class Trace:
 def trace_figures(trace: Trace, unit: str) -> tuple[Figure, Figure]:
     """Measured and simulated output of one shot, with bounds, and their difference."""
     to_unit, shown = readable_factor(unit)
-    kept = slice(None, None, max(1, -(-len(trace.time_s) // MOST_POINTS)))
-    time, measured, simulated = trace.time_s[kept], to_unit * trace.measured[kept], to_unit * trace.simulated[kept]
-    half = None if trace.half is None else to_unit * trace.half[kept]
-    both = (curve("measured", time, measured, MEASURED), curve("simulated", time, simulated, MODEL, half))
-    left = curve("measured less simulated", time, measured - simulated, ERROR)
-    limits = [] if half is None else [curve("bounds", time, 0 * half, GREY, half)]
+    time, measured, simulated = trace.time_s, to_unit * trace.measured, to_unit * trace.simulated
+    half = None if trace.half is None else to_unit * trace.half
+    both = (
+        over_time("measured", time, measured, MEASURED),
+        over_time("simulated", time, simulated, MODEL, half=half),
+    )
+    left = over_time("measured less simulated", time, measured - simulated, ERROR)
+    limits = [] if half is None else [over_time("bounds", time, 0 * half, GREY, half=half)]
     reach, apart = _data_range(half, measured, simulated), _data_range(half, measured - simulated)
+    unit = f"[{shown}]"
     return (
-        Figure(trace.name, "Time [s]", f"[{shown}]", both, log_x=False, log_y=False, y_range=reach),
-        Figure("Difference", "Time [s]", f"[{shown}]", (left, *limits), log_x=False, log_y=False, y_range=apart),
+        Figure(trace.name, "", unit, both, log_x=False, log_y=False, y_range=reach, height=300),
+        Figure("Difference", "Time [s]", unit, (left, *limits), log_x=False, log_y=False, y_range=apart, height=230),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from robid.models.external.judge.validating import ExternalValidation
 from robid.models.external.page.charts import Trace, readable_factor, trace_figures
 from robid.models.parameters import quantile
 from robid.report.numbers import MISSING, percent, significant
-from robid.report.section import Beside, Cell, Choice, ColumnStyle, Curve, Figure, Line, Notes, Row, Section, Table
+from robid.report.section import Cell, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
 
 _MOST_GROUPS = 6
 _LEAD = (
@@ -109,29 +109,21 @@ _CAPTION = (
 )
 
 
+_OVER_TIME = "Curves are thinned to the smallest and the largest value of each stretch, so that peaks stay."
+
+
 def own_section(solution: ExternalSolution) -> Section:
     """Lays out measured against simulated outputs of the fit's own shots."""
-    found, names = solution.traces, solution.quality.output_names
-
-    def trace(rows: BoolArray, name: str) -> Trace:
-        return Trace(name, found.time_s[rows], found.measured[rows], found.simulated[rows])
-
-    choice = _traces(solution, names, (found.output, found.shot, found.shots), trace)
-    lead = "Measured outputs against simulated ones, in the fit's own shots."
-    return Section("On its own data", lead, (choice,), "traces")
+    lead = f"Measured outputs against simulated ones, in the fit's own shots. {_OVER_TIME}"
+    return Section("On its own data", lead, (_choice(solution, _own_traces(solution)),), "traces")
 
 
 def new_section(solution: ExternalSolution, validation: ExternalValidation) -> Section:
-    """Lays out measured against predicted outputs of shots that the fit never saw."""
-    found, wide = validation.traces, quantile(validation.confidence)
-
-    def trace(rows: BoolArray, name: str) -> Trace:
-        return Trace(name, found.time_s[rows], found.measured[rows], found.predicted[rows], wide * found.std[rows])
-
-    choice = _traces(solution, found.names, (found.output, found.shot, found.shots), trace)
+    """Lays out measured against predicted outputs of shots that the fit never saw, and of its own."""
+    choice = _choice(solution, _new_traces(validation), _own_traces(solution))
     lead = (
         f"The model {validation.outcome.verdict}. Bounds hold the uncertainty of the parameters and the noise at"
-        f" {percent(validation.confidence)}."
+        f" {percent(validation.confidence)}. {_OVER_TIME}"
     )
     return Section("On new data", lead, (_new_table(solution, validation), choice), "traces")
 
@@ -175,18 +167,55 @@ def _size(solution: ExternalSolution, output: str, value: float) -> str:
     return f"{significant(to_unit * value, 2)} {unit}" if np.isfinite(value) else MISSING
 
 
-def _traces(
-    solution: ExternalSolution,
+_Records: TypeAlias = dict[str, list[Trace]]
+
+
+def _own_traces(solution: ExternalSolution) -> _Records:
+    """Measured and simulated outputs of the fit's own shots, by output."""
+    found = solution.traces
+
+    def trace(rows: BoolArray, name: str) -> Trace:
+        return Trace(f"{name} (fit)", found.time_s[rows], found.measured[rows], found.simulated[rows])
+
+    return _split(solution.quality.output_names, (found.output, found.shot, found.shots), trace)
+
+
+def _new_traces(validation: ExternalValidation) -> _Records:
+    """Measured and predicted outputs of shots that the fit never saw, with bounds, by output."""
+    found, wide = validation.traces, quantile(validation.confidence)
+
+    def trace(rows: BoolArray, name: str) -> Trace:
+        half = wide * found.std[rows]
+        return Trace(f"{name} (validation)", found.time_s[rows], found.measured[rows], found.predicted[rows], half)
+
+    return _split(found.names, (found.output, found.shot, found.shots), trace)
+
+
+def _split(
     names: Sequence[str],
     labels: tuple[IntArray, IntArray, tuple[str, ...]],
     trace: Callable[[BoolArray, str], Trace],
-) -> Choice:
-    units, (outputs, shots, every) = _unit_of(solution), labels
-    options = []
-    for output, name in enumerate(names):
-        found = np.unique(shots[outputs == output])[:_MOST_SHOTS].tolist()
-        traces = [trace((outputs == output) & (shots == shot), every[shot]) for shot in found]
-        options.append((name, tuple(Beside(trace_figures(each, units[name]), 2) for each in traces)))
+) -> _Records:
+    """Takes the rows of all outputs and shots apart, a few shots of each output."""
+    outputs, shots, every = labels
+    return {
+        name: [
+            trace((outputs == output) & (shots == shot), every[shot])
+            for shot in np.unique(shots[outputs == output])[:_MOST_SHOTS].tolist()
+        ]
+        for output, name in enumerate(names)
+    }
+
+
+def _choice(solution: ExternalSolution, *several: _Records) -> Choice:
+    """Lets the reader choose an output, and one of its records, each shown by itself."""
+    units = _unit_of(solution)
+    options: list[tuple[str, tuple[Part, ...]]] = []
+    for name in several[0]:
+        traces = [trace for records in several for trace in records.get(name, [])]
+        options.append(
+            (name, (Choice("Record", tuple((one.name, trace_figures(one, units[name])) for one in traces)),))
+        )
     single = len(solution.transfers.names) == len(solution.quality.output_names)
     return Choice("Channel" if single else "Output", tuple(options))
 

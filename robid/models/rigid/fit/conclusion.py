@@ -129,7 +129,7 @@ def _products(source: RowSource) -> tuple[FloatArray, FloatArray, FloatArray]:
     return sums[0], sums[1], sums[2]
 
 
-_UNTESTED = "Do not trust: too few rows are left to test the residuals; record longer, or drop fewer rows."
+_UNTESTED = "Too few rows are left to test the residuals; record longer, or drop fewer rows."
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Verdict:
     """Whether least squares is to be trusted."""
 
     trust: bool  # the verdict
-    sentence: str  # it in words, with what to do
+    sentence: str  # what the tests found, in words, with what to do
     huber: Variation  # difference from Huber's estimate (eq. 22)
     instruments: Variation | None  # difference from the instrumental variables; None where there are none
     normality: tuple[Normality, ...]  # shape of each joint's residuals
@@ -228,25 +228,25 @@ def _vary(
 def _sentence(huber: Variation, instruments: Variation | None, odd: bool, coloured: bool, names: Sequence[str]) -> str:
     if instruments is not None and instruments.alarm:
         return (
-            f"Do not trust: {_largest(instruments, names)} away from the instrumental variables, so noise biases it; "
-            "use these, or filter the positions lower."
+            f"Least squares has {_largest(instruments, names)} away from the instrumental variables, so noise biases"
+            " it; use these, or filter the positions lower."
         )
     if huber.alarm:
-        return f"Do not trust: {_largest(huber, names)} away from Huber's estimate; filter the positions lower."
+        return f"Least squares has {_largest(huber, names)} away from Huber's estimate; filter the positions lower."
     if coloured:
         return (
-            "Do not trust: the residuals are correlated in time, so the model lacks a torque or the positions' noise "
+            "The residuals are correlated in time, so the model lacks a torque or the positions' noise "
             "passes their filter; filter lower, or extend the friction."
         )
     if odd:
-        return "Do not trust: the residuals are not Gaussian; find the outliers, or use Huber's estimate."
+        return "The residuals are not Gaussian; find the outliers, or use Huber's estimate."
     others = "Huber's estimate" if instruments is None else "Huber's estimate and the instrumental variables"
-    return f"Trust: {others} agree within what noise explains, and the residuals are white and Gaussian."
+    return f"{others} agree with least squares within what noise explains; the residuals are white and Gaussian."
 
 
 def _largest(variation: Variation, names: Sequence[str]) -> str:
     index = int(np.argmax(variation.relative))
-    return f"{names[index]} is {100 * variation.relative[index]:.2g} %"
+    return f"{names[index]} {100 * variation.relative[index]:.2g} %"
 
 
 LEAST_SQUARES, HUBER, INSTRUMENTS = range(3)

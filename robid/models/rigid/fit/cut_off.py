@@ -177,6 +177,12 @@ def row_count(n_sample: int, options: PreprocessingOptions, sampling_period_s: f
     return len(options.decimator(sampling_period_s).kept(inner))
 
 
+def shot_of_rows(shots: Sequence[Shot], options: PreprocessingOptions) -> IntArray:
+    """Returns the index of the shot that each row of all shots, one after the other, is of (n_row,)."""
+    counts = [row_count(len(shot.position), options, shot.sampling_period_s) for shot in shots]
+    return np.repeat(np.arange(len(shots)), counts)
+
+
 def fewest_rows(n_param: int, n_joint: int) -> int:
     """Returns how many rows of a joint a fit needs at least."""
     return math.ceil(_ROWS * n_param / n_joint)

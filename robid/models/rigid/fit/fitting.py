@@ -12,7 +12,14 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
-from robid.models.rigid.fit.cut_off import CutOffChoice, choose_cut_off, fewest_rows, row_count, unchosen
+from robid.models.rigid.fit.cut_off import (
+    CutOffChoice,
+    choose_cut_off,
+    fewest_rows,
+    row_count,
+    shot_of_rows,
+    unchosen,
+)
 from robid.models.rigid.fit.gains import corrected, estimate_gains
 from robid.models.rigid.fit.options import ConclusionOptions, PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.regression import (
@@ -126,6 +133,8 @@ def _estimate(problem: _Problem, nominal: FloatArray, options: RigidFitOptions, 
         conclusion=conclusion,
         swept=tuple(sweep_bend(rows, conclusion.reduction, options.sweep, options.huber)),
         torque=np.concatenate([np.where(each.used, each.torque, np.nan) for each in rows]),
+        shot=shot_of_rows(problem.shots, problem.filters),
+        shots=tuple(shot.name for shot in problem.shots),
         filters=problem.filters,
         sampling_period_s=period,
     )

@@ -46,6 +46,8 @@ class Found:
     conclusion: Conclusion  # least squares, Huber's estimator and instrumental variables with their joint uncertainty
     swept: tuple[HuberRegression, ...]  # Huber's estimator at the bends of the sweep
     torque: FloatArray  # (n_row, n_joint): filtered torques, NaN where a row does not count
+    shot: IntArray  # (n_row,): index of the shot that each row is of
+    shots: tuple[str, ...]  # name of each shot
     filters: PreprocessingOptions  # filters of the rows
     sampling_period_s: float  # period of the samples [s]
 
@@ -125,6 +127,8 @@ def make_solution(
             torque=found.torque,
             residual=found.conclusion.residual,
             weight=huber_weights(found.conclusion.residual / found.conclusion.huber.scale, options.huber.bend),
+            shot=found.shot,
+            shots=found.shots,
         ),
         against_nominal=against_nominal(model, base, estimate, reduction),
         travel=travel,

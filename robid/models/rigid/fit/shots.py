@@ -15,7 +15,7 @@ from robid.models.rigid.fit.solution import Travel
 from robid.robot.description import Robot
 from robid.robot.regressor.model import RigidModel
 from robid.signals.quantities import Channel, describe
-from robid.signals.record import Record
+from robid.signals.record import Record, place_words
 from robid.simulate.controller import angle_reference
 
 _STILL = 1e-9  # of a turn
@@ -48,6 +48,7 @@ class Shot:
     late_samples: int = 0  # samples by which the command begins before the first position
     loaded: bool = True  # whether a payload with parameters of its own is there
     torque_unit: str = "N m"  # what stands for N m: A where torques are currents
+    name: str = ""  # campaign, and which of its experiments it is where there are several
 
     def __post_init__(self) -> None:
         # Filters and least squares would spread one such sample over all parameters.
@@ -62,29 +63,32 @@ class Shot:
                 raise DataError(f"{told} of joint {joint + 1}", where="record", remedy=remedy)
 
 
-def shots_of(record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True) -> tuple[Shot, ...]:
+def shots_of(
+    record: Record, robot: Robot, *, late_samples: int = 0, loaded: bool = True, name: str = ""
+) -> tuple[Shot, ...]:
     """Cuts a record into shots: one for each experiment, the mean of its periods; torques act `late_samples` later.
 
-    What repeats from period to period beside noise, such as ripple, counts once.
+    What repeats from period to period beside noise, such as ripple, counts once. Shots are named after the record.
 
     Raises:
         DataError: If a joint has no channel, or the channels of both sides do not determine all motors.
     """
-    names = tuple(joint.name for joint in robot.joints)
-    drives = _chosen(record.input_channels, names, _DRIVES, "inputs")
+    joints = tuple(joint.name for joint in robot.joints)
+    drives = _chosen(record.input_channels, joints, _DRIVES, "inputs")
     moves = positions_of(record, robot)
     offset = record.output_offset[:, None, None, None, None, moves]
     torque = _motor_torques(record.inputs[..., drives], _arm_sides(record.input_channels, drives), robot)
     position = _motor_positions(record.outputs[..., moves] + offset, _arm_sides(record.output_channels, moves), robot)
-    shape = (-1, record.inputs.shape[4], len(names))
+    shape = (-1, record.inputs.shape[4], len(joints))
     positions, torques = (array.mean(axis=3).reshape(shape) for array in (position, torque))
     commands = _commands(record, robot) or [None] * len(positions)
     held, end = record.input_hold == "zoh", torques.shape[1] - late_samples
     unit = "A" if record.input_channels[drives[0]].quantity == "current" else "N m"
-    period_s = record.sampling_period_s
+    period_s, counts = record.sampling_period_s, record.inputs.shape[:3]
+    names = [", ".join([*filter(None, [name]), *place_words(place, counts)]) for place in np.ndindex(*counts)]
     return tuple(
-        Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit)
-        for each, drive, told in zip(positions, torques, commands, strict=True)
+        Shot(each[late_samples:], drive[:end], period_s, held, told, late_samples, loaded, unit, own)
+        for each, drive, told, own in zip(positions, torques, commands, names, strict=True)
     )
 
 

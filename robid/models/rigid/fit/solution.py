@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -12,6 +12,11 @@ from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
 from robid.results.estimate import Estimate
 
 _TORQUE = "N m, or the drives' unit"
+
+
+def no_rows() -> IntArray:
+    """What stands for the records of rows in files that do not say them."""
+    return np.zeros(0, int)
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,7 @@ class Checks:
     """The verdict on least squares, and what it rests on."""
 
     trust: bool  # whether least squares is to be trusted
-    sentence: str  # the verdict in words, with what to do
+    sentence: str  # what the tests found, in words, with what to do
     huber_variation: Annotated[FloatArray, Quantity("1", "parameter", "Relative difference from Huber's estimate")]
     huber_p: Annotated[FloatArray, Quantity("1", "parameter", "Chance of it")]
     instrument_variation: Annotated[
@@ -97,6 +102,10 @@ class RowResiduals:
     torque: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "Filtered torque", compact=True)]
     residual: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "What least squares leaves", compact=True)]
     weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's weight", compact=True)]
+    shot: Annotated[IntArray, Quantity("1", "row", "Index of the record that each row is of")] = field(
+        default_factory=no_rows
+    )
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Name of each record")] = ()
 
     @property
     def relative_error(self) -> FloatArray:

@@ -46,7 +46,7 @@ def parameter_findings(
 ) -> tuple[Finding, ...]:
     """Returns what of a rigid fit cannot be or is hardly known, decisive findings first."""
     found = [
-        *_estimators(solution, motors.names),
+        *estimator_findings(solution, motors.names),
         *_places(solution.travel, motors.names),
         *_signs(robot, solution, motors.names),
         *file_findings(robot, solution, motors.names),
@@ -63,8 +63,8 @@ def _rank(finding: Finding) -> tuple[bool, float]:
     return not finding.decisive, -finding.strength
 
 
-def _estimators(solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
-    """What the verdict on least squares says of the result, which may be another estimator's."""
+def estimator_findings(solution: RigidSolution, names: Sequence[str]) -> Iterator[Finding]:
+    """Yields what the tests of least squares say of the result, which may be another estimator's."""
     checks, told = solution.checks, solution.checks.sentence.rstrip(".")
     told = told[0].lower() + told[1:]
     if checks.instruments_differ and solution.chosen != "instruments":

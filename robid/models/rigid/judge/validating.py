@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -11,13 +11,14 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray, Quantity
 from robid.errors import DataError
 from robid.models.conclusions import outcome_of, refuse_other_rate
+from robid.models.rigid.fit.cut_off import shot_of_rows
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.residuals import FEWEST_TESTED
 from robid.models.rigid.fit.rows import Reading
 from robid.models.rigid.fit.shots import Shot, motion_of, repeats
 from robid.models.rigid.fit.sizes import LEAST_SHARE
-from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.fit.solution import RigidSolution, no_rows
 from robid.models.rigid.judge.motors import MOTOR_ERROR_LIMIT, Motors
 from robid.models.rigid.judge.plausible import TOTAL_ERROR_LIMIT, file_findings, motors_in
 from robid.results.finding import Finding, two_digits
@@ -33,6 +34,10 @@ class Prediction:
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
     measured: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "Measured torque", compact=True)]
     predicted: Annotated[FloatArray, Quantity("N m, or the drives' unit", "row joint", "The model's", compact=True)]
+    shot: Annotated[IntArray, Quantity("1", "row", "Index of the record that each row is of")] = field(
+        default_factory=no_rows
+    )
+    shots: Annotated[tuple[str, ...], Quantity("1", "shot", "Name of each record")] = ()
 
     @property
     def n_row(self) -> IntArray:
@@ -78,7 +83,8 @@ def predict(
         raise ValueError("The filters leave no rows of the record: it is shorter than they reach.")
     whole = np.concatenate(measured)
     time_s = np.arange(len(whole)) * decimator.factor * shots[0].sampling_period_s
-    return Prediction(time_s, whole, np.concatenate(predicted))
+    names = tuple(shot.name for shot in shots)
+    return Prediction(time_s, whole, np.concatenate(predicted), shot_of_rows(shots, filters), names)
 
 
 _REFUTED = ("masses", "payload", "counterbalance", "filters", "model", "friction", "excitation")

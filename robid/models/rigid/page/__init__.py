@@ -1,0 +1,1 @@
+"""What of a rigid fit stands on its page: read `content`, `motors`, `torques`, `friction`, then `report`."""
