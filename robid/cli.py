@@ -336,11 +336,13 @@ def inspect_file(
         Path | None, typer.Option("--propose", help="Write the proposed experiment file here, as a new bench.yaml.")
     ] = None,
     format_: Annotated[
-        LogFormat | None, typer.Option("--format", help="Format of the log; told from the file when not given.")
+        LogFormat | None, typer.Option("--format", help="Format of the log; recognized from the file when not given.")
     ] = None,
     dialect: Annotated[
         list[str] | None,
-        typer.Option("--dialect", help="How a table of text is written, as `header_line=3`; told when not given."),
+        typer.Option(
+            "--dialect", help="How a table of text is written, as `header_line=3`; recognized when not given."
+        ),
     ] = None,
     sampling_period_s: Annotated[
         float | None, typer.Option("--sampling-period", help="Sampling period of a log that has no time [s].")

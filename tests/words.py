@@ -17,6 +17,7 @@ _LIST = "\n## Retired words\n"
 _CODE = re.compile(r"^```.*?^```$|<!--.*?-->|^---$", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"!?\[([^\]]*)\]\([^)]*\)")
 _END = re.compile(r"(?<=[.!?])[)\"*_]*\s+(?=[\"(*_`]*[A-Z`0-9])")
+_OF_THE_FIELD = re.compile(r"held at rest|input holds|held[- ]out|held back", re.IGNORECASE)  # joints, signals, data
 _RETIRED = re.compile(r"^\| `?(.+?)`? \|", re.MULTILINE)
 
 
@@ -81,7 +82,7 @@ def _has_docstring(node: ast.AST) -> bool:
 
 def uses(text: str) -> list[str]:
     """Retired words that a text has, code and targets of links left out."""
-    plain = re.sub(r"`[^`]*`", "", _LINK.sub(r"\1", text))
+    plain = _OF_THE_FIELD.sub("", re.sub(r"`[^`]*`", "", _LINK.sub(r"\1", text)))
     return [match[0] for pattern in retired() for match in pattern.finditer(plain)]
 
 

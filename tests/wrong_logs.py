@@ -170,7 +170,7 @@ def exchanged_logs(logs):
     first, second = (0, 0, 0), (0, 1, 1)
     columns = logs.columns
     columns[first], columns[second] = columns[second], columns[first]
-    return [logs.file_name(first), "It holds realization 2, experiment 2"]
+    return [logs.file_name(first), "It contains realization 2, experiment 2"]
 
 
 @wrong(places="file", estimator="logarithmic")

@@ -270,7 +270,7 @@ def _identity(path: Path) -> tuple[object, ...]:
 
 def _check_kind(path: Path, kind: Kind, header: Header) -> None:
     if header.kind != kind.name:
-        what = f"A011 The file holds an artifact of kind `{header.kind}`, but `{kind.name}` is needed."
+        what = f"A011 The file contains an artifact of kind `{header.kind}`, but `{kind.name}` is needed."
         remedy = f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away"
         raise ArtifactError(what, where=str(path), remedy=remedy)
     major = header.version.partition(".")[0]

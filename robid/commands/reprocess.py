@@ -272,4 +272,4 @@ def _show_comparison(shell: Shell, batch: Batch) -> None:
         shell.say(f"  drifting: {listed(told, _SHOWN_NAMES)}")
     if comparison.untold:
         of = "" if len(comparison.robots.groups) == 1 else f" in {counted(len(comparison.untold), 'group')}"
-        shell.say(f"  outliers cannot be told{of}: fewer than {FEWEST_ROBOTS} robots")
+        shell.say(f"  outliers cannot be named{of}: fewer than {FEWEST_ROBOTS} robots")

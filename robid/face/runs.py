@@ -164,7 +164,7 @@ def open(folder: str | Path) -> RunFolder:  # noqa: A001  it is used as `robid.o
     path = Path(folder)
     opened = RunFolder(path)
     if not any((opened.fits, opened.responses, opened.records, opened.designs)):
-        what = "A037 There is no run folder" if not path.is_dir() else "A038 The folder holds no artifact of a run"
+        what = "A037 There is no run folder" if not path.is_dir() else "A038 The folder contains no artifact of a run"
         remedy = "name the folder that `robid run` wrote, as runs/<name>"
         raise ArtifactError(what, where=str(folder), remedy=remedy)
     return opened

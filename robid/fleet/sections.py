@@ -146,7 +146,7 @@ def untold_sentence(found: Found) -> str:
         return ""
     names = [comparison.robots.groups[group] or "without a name" for group in comparison.untold]
     of = "" if len(comparison.robots.groups) == 1 else f" in {counted(len(names), 'group')} ({listed(names, 5)})"
-    return f"With fewer than {FEWEST_ROBOTS} robots{of}, outliers cannot be told."
+    return f"With fewer than {FEWEST_ROBOTS} robots{of}, outliers cannot be named."
 
 
 def drift_sections(found: Found) -> tuple[Section, ...]:
@@ -157,9 +157,9 @@ def drift_sections(found: Found) -> tuple[Section, ...]:
     several = f"{counted(comparison.robots.repeated, 'robot')} that were measured more than once"
     level = f"a chance of {_LEVEL} for a fleet that does not change to have any robot named here"
     if not len(comparison.followed):
-        return (Section("Drift", f"Of {several}, none has values of different times: no drift can be told."),)
+        return (Section("Drift", f"Of {several}, none has values of different times: no drift can be determined."),)
     left = comparison.robots.repeated - len(comparison.followed)
-    untold = f" {counted(left, 'robot')} cannot be told of, without values of different times." if left else ""
+    untold = f" {counted(left, 'robot')} cannot be judged, without values of different times." if left else ""
     if not comparison.drifts:
         return (Section("Drift", f"Of {several}, none changes clearly: {level}.{untold}"),)
     rows = []
@@ -203,7 +203,7 @@ _FEW_ROWS, _MOST_POINTS = 40, 300
 _MOST_OFF = 100
 _SHARES = np.linspace(0, 100, 201)
 _EACH = (
-    "The parameter itself with its interval, which holds what the robot file may have wrong, in the order of the"
+    "The parameter itself with its interval, which contains what the robot file may have wrong, in the order of the"
     " manifest; the line is the robot file's value."
 )
 _SHARE = (

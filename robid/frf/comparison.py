@@ -337,7 +337,7 @@ def _notes(first: Frf, second: Frf, aligned: Aligned) -> tuple[str, ...]:
         notes += [f"Their {what} differ: {one} and {other}."] if one != other else []
     if "noise alone" in (_held(first), _held(second)):
         notes.append(
-            "Where an uncertainty holds noise alone, as of one realization, friction and other nonlinearities make"
+            "Where an uncertainty contains noise alone, as of one realization, friction and other nonlinearities make"
             " responses differ by more."
         )
     return tuple(notes)

@@ -243,7 +243,7 @@ def lost_inputs(dropped: BoolArray, frequency_hz: FloatArray, names: tuple[str, 
         frequency_hz (n_freq,): The lines [Hz].
         names: The inputs.
     """
-    return f"too little was told of {_places(dropped, frequency_hz, names)}"
+    return f"too little is known of {_places(dropped, frequency_hz, names)}"
 
 
 def hidden_inputs(
@@ -260,7 +260,7 @@ def hidden_inputs(
     what = (
         f"D231 what {_places(hidden, frequency_hz, names)} does lies so near to the beginning or the end of the log "
         "that its"
-        " response cannot be told from the transient there"
+        " response cannot be distinguished from the transient there"
     )
     if needed_s is None:
         settled = "leave out `estimator: local`, which a settled signal with periods does not need"

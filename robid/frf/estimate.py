@@ -308,10 +308,10 @@ def _notes(total: ComplexArray | None, record: Record, windows: Windows | None) 
             f" response is that of {width_hz:.3g} Hz around it."
         )
     if total is None:
-        notes.append("One realization: the covariance holds noise only, no distortion by nonlinearities.")
+        notes.append("One realization: the covariance contains noise only, no distortion by nonlinearities.")
     if not silent_of(record).size:
         notes.append(
-            "Every line of the band is excited: distortion by nonlinearities cannot be told from the response."
+            "Every line of the band is excited: distortion by nonlinearities cannot be distinguished from the response."
         )
     elif not np.all(excited % 2):
         notes.append("Even lines are excited: distortion at silent lines does not tell odd from even nonlinearities.")

@@ -189,7 +189,7 @@ def read_spectra(
             blocks = transform(source, lines)
             removed = _removed(source, lines, laws, delay_s)
     if not (np.isfinite(blocks.inputs).all() and np.isfinite(blocks.outputs).all()):
-        message = "D022 the record holds NaN or infinite samples"
+        message = "D022 the record contains NaN or infinite samples"
         raise DataError(message, where=place_of(record), remedy="acquire the record again")
     return Spectra(_without(blocks, removed), removed, silent, windows)
 

@@ -339,6 +339,6 @@ def _note(mapping: LogMapping, one: _Timed, leading: _Timed, error: float, step:
     told = " and ".join(part for part in (rate, lag) if part)
     told = f"{mapping.file.name}: `{one.stream.name}` was sampled by a clock of its own, {told}"
     if _is_held(one, step):
-        return f"{told}: it was held from sample to sample."
+        return f"{told}: it was constant from sample to sample."
     share = f"with errors of {100 * error:.2g} % of the channel at most"
     return f"{told}: it was interpolated at that one's instants, {share}."

@@ -236,7 +236,7 @@ def read_column(
         return None, [DataError(error.what, where=where, remedy=error.remedy)]
     if raw.dtype.kind not in "fiu":
         remedy = "Save it as a real numeric column."
-        return None, [DataError(f"D041 It holds {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
+        return None, [DataError(f"D041 It contains {raw.dtype} values, not real numbers.", where=where, remedy=remedy)]
     if raw.size != max(raw.shape, default=0) or raw.size < 2:
         what = f"D042 It has shape {raw.shape}, not one column."
         return None, [DataError(what, where=where, remedy=_which_series(variable, raw))]
@@ -248,7 +248,7 @@ def _which_name(name: str, sizes: Mapping[str, int]) -> str:
     close = difflib.get_close_matches(name, sizes, n=3, cutoff=0.5)
     columns = [key for key, size in sizes.items() if size > _SHOWN]
     guess = f"Did you mean {' or '.join(f'`{key}`' for key in close)}?" if close else "Correct the name."
-    return f"{guess} The log holds {', '.join(columns[: 4 * _SHOWN])}."
+    return f"{guess} The log contains {', '.join(columns[: 4 * _SHOWN])}."
 
 
 def _which_series(variable: str, matrix: NDArray[Any]) -> str:

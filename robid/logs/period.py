@@ -190,7 +190,7 @@ def limit_band(signal: FloatArray, low: float, high: float) -> FloatArray:
 
 
 FEWEST = 4
-"""Lines below which nothing is told of a response, unless fewer were stated."""
+"""Lines below which nothing is known of a response, unless fewer were stated."""
 
 _SHOWN = 8  # runs of lines that a message lists
 # Power of a line, relative to the usual one of as many of the strongest lines, below which it carries nothing

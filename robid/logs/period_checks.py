@@ -65,7 +65,7 @@ def _check_whole(
     where: str, steady: FloatArray, stated: Stated, clock: Clock | None
 ) -> tuple[list[DataError], list[str]]:
     found = measure_repetition(steady, stated.samples, stated.lines)
-    notes = [] if found.reachable else ["The log holds one period: its length could not be checked by repetition."]
+    notes = [] if found.reachable else ["The log contains one period: its length could not be checked by repetition."]
     if found.samples is None and found.reachable:
         what = f"D098 It does not repeat with a period of {stated.samples} samples, nor with any other."
         remedy = "Check that the excitation is periodic and that this is the excited channel."

@@ -140,7 +140,7 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
     }
     found = max(scores, key=lambda key: scores[key])
     if scores[found] >= ALIKE:
-        what = f"D235 It holds realization {found[0] + 1}, experiment {found[1] + 1} of the excitation, not"
+        what = f"D235 It contains realization {found[0] + 1}, experiment {found[1] + 1} of the excitation, not"
         sign = f"; or correct the sign of {', '.join(reversed_)}" if not foreign and reversed_ else ""
         wanted = f"realization {played.realization + 1}, experiment {played.experiment + 1}"
         return f"{what} {wanted}.", f"Name the log files as they were played{sign}."
@@ -150,7 +150,7 @@ def explain_mismatch(logged: FloatArray, played: PlayedExcitation, names: tuple[
     if 0 < len(foreign) < len(names):
         what = f"D238 The references of {', '.join(foreign)} are not those of the excitation; the other motors' are."
         return what, "Check the variables of these references."
-    what = f"D239 It holds no period of the excitation: the correlation is {scores[found]:.2f} at most,"
+    what = f"D239 It contains no period of the excitation: the correlation is {scores[found]:.2f} at most,"
     return f"{what} over all {n_real} realizations of {n_exp} experiments.", remedy
 
 

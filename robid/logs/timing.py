@@ -201,7 +201,7 @@ def check_count(
     fewer = int(held) - mapping.drop_periods
     remedy = f"Set periods to {fewer} at most" if fewer > 0 else "Record longer"
     what = (
-        f"D127 It holds {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
+        f"D127 It contains {held:.4g} periods of {samples_per_period} samples, fewer than the {wanted} that were said"
         f" ({mapping.drop_periods} dropped and {periods} used).{ends and f' {ends}'}"
     )
     where = f"{mapping.file}: {n_sample} samples"

@@ -56,7 +56,7 @@ CHAIN: tuple[Stage, ...] = (
     ),
     Stage(
         "design-excitation",
-        "Designs what each motor is told to do, within the limits of every configuration.",
+        "Designs what each motor is commanded to do, within the limits of every configuration.",
         "campaign",
         EXCITATION,
         owners=periodic_campaigns,
@@ -101,7 +101,7 @@ CHAIN: tuple[Stage, ...] = (
     ),
     Stage(
         "validate",
-        "Holds a fitted model against a campaign that its fit never saw.",
+        "Compares a fitted model with a campaign that its fit never saw.",
         "fit",
         VALIDATION,
         owners=lambda experiment: tuple(name for name, fit in experiment.fits.items() if fit.validate_on is not None),

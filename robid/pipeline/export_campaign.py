@@ -161,7 +161,7 @@ def export_excitation(
     content = excitation_from_artifact(read_artifact(source, EXCITATION))
     excitation, joints = content.excitation, tuple(joint.name for joint in loaded.robot.joints)
     if not excitation.reference.size:
-        message = "A031 It holds only the lines of what somebody else played: there is nothing to export."
+        message = "A031 It contains only the lines of what somebody else played: there is nothing to export."
         remedy = "`references` under `source.acquire` let it be designed here"
         raise ArtifactError(message, where=str(source), remedy=remedy)
     origin = f"Excitation of campaign {options.campaign}, experiment {loaded.experiment.name}, robid {__version__}"

@@ -78,7 +78,7 @@ def _table(response: Response, place: int) -> bytes:
         *(f"Output {_told(channel)}." for channel in frf.output_channels),
         *(f"Measured {each}." for each in _measured(frf)),
         *(f"Input {_told(channel)}." for channel in frf.input_channels),
-        *(["Lines that told too little of an input are NaN."] if frf.dropped is not None else []),
+        *(["Lines that say too little of an input are NaN."] if frf.dropped is not None else []),
         f"Inputs: {frf.input_hold}, sampled every {frf.sampling_period_s:g} s.",
         _covariance_note(frf),
         *frf.notes,

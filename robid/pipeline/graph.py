@@ -211,7 +211,7 @@ def _check_files(node: Node) -> None:
     if missing:
         more = f", nor do {len(missing) - 1} more of its {len(node.plan.files)}" if len(missing) > 1 else ""
         message = f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}"
-        remedy = "correct `file`, or set ROBID_DATA to the folder that holds the data"
+        remedy = "correct `file`, or set ROBID_DATA to the folder with the data"
         raise DataError(message, where=str(missing[0][1]), remedy=remedy)
 
 

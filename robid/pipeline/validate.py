@@ -112,7 +112,7 @@ def _refusal(found: Copy, campaign: str, row: int, new: Record) -> DataError:
     place = f"configuration {row + 1}, realization {found.realization + 1}, experiment {found.experiment + 1}"
     old = f"`{campaign}`, realization {found.old_realization + 1}, experiment {found.old_experiment + 1}"
     what = (
-        f"D198 {place} of the validation holds samples of the fit: {found.count} from sample {found.first + 1} on "
+        f"D198 {place} of the validation contains samples of the fit: {found.count} from sample {found.first + 1} on "
         "are those"
         f" of {old}, from sample {found.old_first + 1} on"
     )

@@ -99,7 +99,7 @@ def agreement_word(element: ElementDifference) -> str:
 
 def _agreement(comparison: Comparison) -> str:
     if comparison.agree is None:
-        return "has no known uncertainty to be held against that of"
+        return "has no known uncertainty to be compared with that of"
     if comparison.agree:
         return f"agrees within both uncertainties, in all {len(comparison.elements)} elements, with"
     apart = [element for element in comparison.elements if element.agrees is False]

@@ -154,11 +154,11 @@ def effective_sentence(estimates: Estimates) -> str:
     if not estimates.with_physical:
         return (
             "“Predicts ±” is how closely the residuals know what predicts; the interval is the parameter's own, which "
-            "also holds what the robot file may have wrong, as its motors' torque constants."
+            "also contains what the robot file may have wrong, as its motors' torque constants."
         )
     return (
         "“Predicts ±” is that of what infinitely many configurations of this robot would give; “physical” is the "
-        "parameter itself, whose interval holds what the robot file may have wrong."
+        "parameter itself, whose interval contains what the robot file may have wrong."
     )
 
 

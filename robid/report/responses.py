@@ -30,7 +30,7 @@ _LEAD = (
 _FEW_DROPPED = 0.05  # share of the lines from which on the sentence that sums up says that they were dropped
 _CAPTION = (
     "Of each output, at the input that moves it the most: median over the lines, and the worst line. Uncertainty is the"
-    " standard deviation over the magnitude; it holds noise alone where there is one realization. Coherence is the"
+    " standard deviation over the magnitude; it contains noise alone where there is one realization. Coherence is the"
     " multiple one: the share of the output's power that the response to all inputs explains. Odd and even: what the"
     " silent lines show, noise included, as a deviation of the response."
 )
@@ -72,7 +72,7 @@ def responses_verdict(campaigns: Campaigns) -> str:
     lacking = ""
     for name, frf in campaigns:
         dropped, whole = _count(frf), len(frf.response) * len(frf.frequency_hz)
-        lacking += f" At {dropped} of {whole} lines of {name} too little was told." * (dropped > _FEW_DROPPED * whole)
+        lacking += f" At {dropped} of {whole} lines of {name} too little is known." * (dropped > _FEW_DROPPED * whole)
     return f"No fit was asked for; the {responses} measured{end}.{lacking}{clipped}"
 
 
@@ -191,7 +191,7 @@ def _dropped(name: str, frf: Frf) -> list[str]:
         more = f" and {lost.sum() - _SHOWN} more" if lost.sum() > _SHOWN else ""
         where = f"{name}, configuration {configuration_label(frf, index)}"
         sentences.append(
-            f"{where}: {lost.sum()} of {len(lost)} lines told too little of {frf.input_names[motor]} and were dropped:"
+            f"{where}: {lost.sum()} of {len(lost)} lines say too little of {frf.input_names[motor]} and were dropped:"
             f" {told}{more} Hz."
         )
     return sentences

@@ -11,7 +11,7 @@ from robid.results.finding import Finding
 from robid.results.grade import Grade
 
 _Options = TypeVar("_Options")
-UNGRADED = "not graded: the fit was held against no data that it never saw; give some as `validate_on`"
+UNGRADED = "not graded: the fit was not validated on data that it never saw; give some as `validate_on`"
 """What is said of a fit that nothing validated."""
 
 

@@ -61,7 +61,7 @@ def grade_alone(unusable: Sequence[str], doubtful: Sequence[str], findings: Sequ
     """
     if unusable:
         return _made(DO_NOT_USE, unusable, findings)
-    return _made(PREDICTS, ("it was not held against data that the fit never saw", *doubtful), findings)
+    return _made(PREDICTS, ("it was not validated on data that the fit never saw", *doubtful), findings)
 
 
 def grade_held(

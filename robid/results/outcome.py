@@ -26,7 +26,7 @@ class Recovery:
     relative_error: Annotated[
         FloatArray, Quantity("1", "known", "Error over the true value; the error itself for friction")
     ]
-    covered: Annotated[BoolArray, Quantity("1", "known", "Whether the interval holds the truth")]
+    covered: Annotated[BoolArray, Quantity("1", "known", "Whether the interval contains the truth")]
     identifiable: Annotated[BoolArray, Quantity("1", "known", "Whether the parameter counts as identifiable")]
 
     @property

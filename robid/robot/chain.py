@@ -38,7 +38,7 @@ def order_of(model: ForeignModel, joints: Sequence[str]) -> list[str]:
         if apart:
             rest = ", ".join(f"`{other}`" for other in apart)
             told = f"`{name}` and {rest} of `{model.name}` lie on different branches, and a robot here is one chain:"
-            return [f"{told} leave those of one branch out; `locked: rest` holds them where they rest"]
+            return [f"{told} leave those of one branch out; `locked: rest` locks them where they rest"]
     found = []
     for index, (name, body) in enumerate(zip(joints, bodies, strict=True)):
         before = joints[index - 1] if index else "the base"

@@ -188,7 +188,7 @@ def _refuse_drives(robot: Robot) -> None:
     found = [f"the counterbalance of `{joint.name}`" for joint in robot.joints if joint.counterbalance is not None]
     found += ["rotors that ride on the links"] if robot.rotor == "on_link" else []
     if found:
-        message = f"D211 a rigid MJCF does not hold {found[0]}"
+        message = f"D211 a rigid MJCF does not contain {found[0]}"
         raise DataError(message, where=robot.name, remedy="export the robot file (`--format robot`)")
 
 

@@ -150,7 +150,7 @@ def _require_finite(compiled: mujoco.MjModel, masses: Weights, constraints: list
     limits = (compiled.jnt_range, compiled.qpos0, [each.data for each in constraints])
     numbers = np.concatenate([np.ravel(part).astype(float) for part in (*places, *limits)])
     if not (np.abs(numbers) < LARGEST).all():
-        message = "it holds a number that is not finite, or beyond anything that a robot has"
+        message = "it contains a number that is not finite, or beyond anything that a robot has"
         raise ValueError(message)
 
 

@@ -147,7 +147,7 @@ FREE: tuple[ElasticKind, ...] = tuple(kind for kind in ELASTIC if PARAMETER_KIND
 LOGARITHMIC = tuple(name for name, kind in PARAMETER_KINDS.items() if kind.logarithmic)
 """Kinds that are positive and estimated as logarithms."""
 DIRECT = tuple(kind for kind in ELASTIC if not PARAMETER_KINDS[kind].through_rest)
-"""Kinds that the dynamic stiffness holds itself."""
+"""Kinds that are in the dynamic stiffness itself."""
 OF_SPRINGS = tuple(kind for kind in ELASTIC if PARAMETER_KINDS[kind].owner == "spring")
 """Kinds of which every spring has one."""
 RESPONSE_NUISANCE = tuple(kind for kind in DIRECT if kind not in LOGARITHMIC)
@@ -156,7 +156,7 @@ NUISANCE_KIND = (
     "doubt"  # Kind of the parameters that a user has estimated because the robot file may be wrong; its key in files
 )
 INTEGRATOR_KIND = "integrator"
-"""Poles that cannot be told from zero: their values mean no more than that."""
+"""Poles that cannot be distinguished from zero: their values mean no more than that."""
 FRICTION_KIND = "friction"
 """Errors of the torques that were subtracted, which a fit estimates only to get them out of the way."""
 

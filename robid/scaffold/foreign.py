@@ -123,6 +123,6 @@ def _steps(name: str, model: ForeignModel, chain: Chain, typical: list[Drive], *
     if odd:
         why = f"what {model.name} says is too little or too much for the arm with its test load"
         steps.append(f"{robot}: check `max_torque_nm` of {listed(odd)}: {why}")
-    steps += [f"{robot}: check that {listed(chain.held)} do not move: they are held"] if chain.held else []
+    steps += [f"{robot}: check that {listed(chain.held)} do not move: they are locked"] if chain.held else []
     steps += [f"{robot}: check `gravity_m_s2`: {model.name} has none that can be meant"] if weightless else []
     return [*steps, "take what you have replaced off the lists `assumed`"]

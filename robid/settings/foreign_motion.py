@@ -92,7 +92,7 @@ def motion_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Foun
 
 def motion_notes(model: ForeignModel, motion: Motion) -> Iterator[str]:
     """Says what of the model is held without having been named."""
-    for names, why in ((motion.resting, "held at rest"), (motion.following, "held where what they follow puts them")):
+    for names, why in ((motion.resting, "held at rest"), (motion.following, "fixed where what they follow puts them")):
         if names:
             positions = ", ".join(f"{name} {_position(model, name, motion.held[name])}" for name in names)
             yield f"{model.name}: joints {why}: {positions}"
@@ -111,8 +111,8 @@ def _unnamed(model: ForeignModel, names: tuple[str, ...]) -> str:
     listed = ", ".join(f"`{name}`{'' if name in model.driven else ' (neither hinge nor slide)'}" for name in names)
     many = len(names) > 1
     told = f"joint{'s' if many else ''} {listed} of `{model.name}` {'are' if many else 'is'} neither here"
-    told += f" nor in {keys}" if keys else " nor held"
-    return f"S320 {told}: `locked: rest` holds {'all of them' if many else 'it'} at rest"
+    told += f" nor in {keys}" if keys else " nor locked"
+    return f"S320 {told}: `locked: rest` locks {'all of them' if many else 'it'} at rest"
 
 
 def _held_faults(robot: RobotFile, model: ForeignModel, motion: Motion) -> Found:
@@ -140,7 +140,7 @@ def _cannot_be(model: ForeignModel, name: str, law: Tie | None, motion: Motion) 
     if law is not None and (leader is None or leader in motion.held):
         wanted = law.offset + law.factor * (0.0 if leader is None else motion.held[leader])
         if abs(wanted - value) > _SAME:
-            told = f"follows `{leader}`" if leader else "is held"
+            told = f"follows `{leader}`" if leader else "is fixed"
             yield f"`{name}` {told}, which puts it at {_position(model, name, wanted)}: leave it out"
 
 
@@ -149,7 +149,7 @@ def _listed_followers(robot: RobotFile, model: ForeignModel) -> Found:
     for index, joint in enumerate(robot.joints):
         law = laws.get(joint.name)
         if law is not None:
-            told = f"follows `{law.leader}`" if law.leader else "is held by a constraint"
+            told = f"follows `{law.leader}`" if law.leader else "is fixed by a constraint"
             told = f"joint `{joint.name}` {told} in `{model.name}`, so no motor of its own moves it: leave it out,"
             yield ("joints", index, "name"), f"S323 {told} or take the tie out of the model where the robot has none"
 

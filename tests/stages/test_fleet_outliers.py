@@ -118,7 +118,7 @@ def test_a_robot_that_softened_between_two_logs_drifts(done):
     answer = done.robid("--strict")
     assert answer.code == 5
     assert f"  drifting: arm4 ({SPRING})" in answer.out
-    assert "  outliers cannot be told: fewer than 8 robots" in answer.out
+    assert "  outliers cannot be named: fewer than 8 robots" in answer.out
 
 
 def test_a_page_that_cannot_be_made_is_told_and_stops_nothing(done, monkeypatch):

@@ -111,9 +111,9 @@ def test_hysteresis_predicts_and_the_page_says_for_which_amplitude_it_holds(slip
     monkeypatch.chdir(shop.folder)
     answer = shop.robid("run", "small.yaml")
     assert answer.code == 0, answer.err
-    assert "holds in a new configuration" in answer.err
+    assert "predicts a new configuration" in answer.err
     page = (shop.runs / "report.html").read_text()
-    assert "It holds for this amplitude" in page
+    assert "It is valid for this amplitude" in page
     assert "Dampers of these gears come out low" in page
     assert "gear_lift.hysteresis" in page
 

@@ -74,7 +74,7 @@ def test_without_a_validation_a_fit_predicts_at_best(shop):
     assert shop.robid("fit", "small.yaml").code == 0
     strict = shop.robid("fit", "small.yaml", "--strict")
     assert strict.code == 5
-    assert "not held against data that the fit never saw" in strict.flat
+    assert "not validated on data that the fit never saw" in strict.flat
 
 
 @pytest.mark.parametrize("option", ["fit", "validate", "run"])

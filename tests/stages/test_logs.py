@@ -207,7 +207,7 @@ def test_exchanged_logs_are_named(done):
     order = {(0, 0, 0): (0, 1, 0), (0, 1, 0): (0, 0, 0)}
     write_logs(done.folder / "logs", record, ".csv", order)
     switch_to_logs(done, "csv")
-    refuse(done, "c1_r01_e1.csv", "It holds realization 2, experiment 1 of the excitation, not realization 1")
+    refuse(done, "c1_r01_e1.csv", "It contains realization 2, experiment 1 of the excitation, not realization 1")
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ def test_exchanged_logs_are_named(done):
         ),
         ("unit: ms", "unit: s", ("time unit is off by a factor of 1000",)),
         ("format: csv", "format: mat", ("cannot be read as a MAT file",)),
-        ("format: csv", "dialect: {header_line: 7}", ("D040", "The log holds")),
+        ("format: csv", "dialect: {header_line: 7}", ("D040", "The log contains")),
     ],
 )
 def test_a_log_that_is_not_what_was_said_is_refused(logged, old, new, texts):

@@ -56,7 +56,7 @@ def test_periods_that_the_fit_has_seen_are_refused(bench):
     bench.change("take: last", "drop_periods: 7", "motor_bench.yaml")
     answer = bench.robid("run", "motor_bench.yaml")
     assert answer.code == 4, answer.err
-    assert "holds samples of the fit: 2500 from sample 1 on are those of `estimation`" in answer.flat
+    assert "contains samples of the fit: 2500 from sample 1 on are those of `estimation`" in answer.flat
     assert "from sample 15001 on" in answer.flat  # the seventh of the periods that the fit used
     # Followed to the end, the remedy works.
     bench.change("drop_periods: 7", "drop_periods: 10", "motor_bench.yaml")

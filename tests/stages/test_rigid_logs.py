@@ -63,7 +63,7 @@ def test_a_copy_of_the_log_of_the_fit_validates_nothing(logs):
     shutil.copy(logs.folder / "motion.csv", logs.folder / "other.csv")
     answer = logs.robid("run", "small.yaml")
     assert answer.code == 4, answer.err
-    assert "holds samples of the fit: 1250 from sample 1 on are those of `motion`" in answer.flat
+    assert "contains samples of the fit: 1250 from sample 1 on are those of `motion`" in answer.flat
     assert "remedy: validate on another recording" in answer.flat
 
 

@@ -19,6 +19,10 @@ def test_pages_use_no_retired_word(page):
     assert words.uses(words.prose(page)) == []
 
 
+def test_messages_help_and_pages_of_runs_use_no_retired_word():
+    assert [(place, text) for place, text in words.shown_texts() if words.uses(text)] == []
+
+
 def test_sentences_and_retired_words_are_counted(tmp_path):
     page = tmp_path / "page.md"
     thirty, more = ("word " * count for count in (words.LONGEST, words.LONGEST + 1))
@@ -28,4 +32,5 @@ def test_sentences_and_retired_words_are_counted(tmp_path):
     found, count = words.long_sentences(page)
     assert (len(found), count) == (2, 3)
     assert words.uses(words.prose(page)) == ["told"]
+    assert words.uses("A joint is held at rest; a value is held.") == ["held"]
     assert words.uses("`held` is code, [a link](held.md) has a target") == []

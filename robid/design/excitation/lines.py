@@ -91,7 +91,7 @@ def choose_lines(options: ChosenLineOptions, sampling_period_s: float) -> tuple[
         odd = "odd " if options.grid == "odd" else ""
         problems.append(
             f"{options.count} excited and {n_detection} detection lines do not fit: the band {options.low_hz:g} to "
-            f"{options.high_hz:g} Hz holds {available} {odd}lines of a {options.period_s:g} s"
+            f"{options.high_hz:g} Hz contains {available} {odd}lines of a {options.period_s:g} s"
             f" period (lower count, or lengthen the period to {_long_enough(options, n_sample, total):.9g} s)"
         )
     _refuse(problems)

@@ -41,7 +41,7 @@ def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None
         path = f"{name}.{field}" if field else name
         kind = dataset.dtype[field] if field else dataset.dtype
         if kind.kind not in "fiubc":
-            found.unreadable[path] = Reason("D050 It holds no numbers.")
+            found.unreadable[path] = Reason("D050 It contains no numbers.")
         elif field and path in wanted:
             found.add(path, dataset[field], unit)
         elif field:
@@ -88,7 +88,7 @@ def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, fou
     kind = leaf.type.value_type if _is_list(leaf.type) else leaf.type
     is_time = types.is_timestamp(kind)
     if not (types.is_integer(kind) or types.is_floating(kind) or types.is_boolean(kind) or is_time):
-        found.unreadable[name] = Reason(f"D051 It holds {kind}, not numbers.")
+        found.unreadable[name] = Reason(f"D051 It contains {kind}, not numbers.")
         return
     unit = "s" if is_time else unit
     if name not in wanted:

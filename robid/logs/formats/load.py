@@ -65,7 +65,7 @@ def load_variables(
             long or crashes. What cannot be read of a log is told when it is asked for (`find_variable`).
     """
     if not file.exists():
-        remedy = "Correct `file`, or set ROBID_DATA to the folder that holds the data."
+        remedy = "Correct `file`, or set ROBID_DATA to the folder with the data."
         raise DataError("D053 The log does not exist.", where=str(file), remedy=remedy)
     if file.is_file() and not file.stat().st_size:
         raise DataError("D054 The log is empty.", where=str(file), remedy="Record or copy it again.")

@@ -135,7 +135,7 @@ def read_mat(file: Path, wanted: Wanted) -> Found:
 
 def _object_reason(kind: str) -> Reason:
     """Says that an object of a MATLAB class cannot be read, and what to save instead."""
-    remedy = _REMEDIES.get(kind, "Save what it holds as numeric variables of their own.")
+    remedy = _REMEDIES.get(kind, "Save what it contains as numeric variables of their own.")
     return Reason(f"D063 It is an object of the MATLAB class `{kind}`, which only MATLAB can decode.", remedy)
 
 
@@ -299,7 +299,7 @@ def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -
     elif kind == "char" and item.dtype.kind == "u":
         found.note_text(name, "".join(map(chr, item[()].ravel())))
     elif kind == "char" or item.dtype.kind not in "fiubcV":
-        found.unreadable[name] = Reason("D069 It holds text, not numbers.")
+        found.unreadable[name] = Reason("D069 It contains text, not numbers.")
     elif kind and kind not in _NUMBERS:
         found.unreadable[name] = _object_reason(kind)
     elif name in wanted:

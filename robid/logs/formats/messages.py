@@ -267,8 +267,8 @@ def read_bag(file: Path, wanted: Wanted) -> Found:
         return read_all(mcap, wanted)
     if not databases:
         packed = any(one.suffix == ".zstd" for one in files)
-        remedy = "Unpack it with `ros2 bag convert`." if packed else "Name the folder that holds `metadata.yaml`."
-        raise UnreadableLogError("D073 the folder holds no .db3 or .mcap file", remedy)
+        remedy = "Unpack it with `ros2 bag convert`." if packed else "Name the folder with `metadata.yaml`."
+        raise UnreadableLogError("D073 the folder contains no .db3 or .mcap file", remedy)
     streams: Streams | None = None
     for database in databases:
         try:

@@ -224,7 +224,7 @@ _NAMES = ("Name", "SymbolName")
 _STEP = re.compile(r"SampleTime(\[ms\])?")
 _BEGINNINGS = ("starttime of export", "start time of export")
 _HEAD, _LAST = 60, 30
-"""Lines in which the head is looked for, and those by which columns are told."""
+"""Lines in which the head is looked for, and those by which columns are recognized."""
 
 _TICKS = 1e15  # times from here on are no milliseconds since the first sample, but 100 ns since the year 1601
 

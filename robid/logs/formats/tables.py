@@ -72,7 +72,7 @@ def read_across(text: Iterable[str], sample: Sequence[str], wanted: Wanted, dial
         try:
             found.add(name, np.array([number(cell, decimal_comma=comma) for cell in row[lead:]]), stated)
         except ValueError as e:
-            found.unreadable[name] = Reason(f"D075 It holds what is no number ({e}).")
+            found.unreadable[name] = Reason(f"D075 It contains what is no number ({e}).")
     return found
 
 
@@ -162,7 +162,7 @@ class _Table:
             needed |= {column for column, kind in enumerate(layout.kinds) if kind == "moment"}
         for column, kind in enumerate(layout.kinds):
             if kind not in ("number", "moment"):
-                what = f"D077 It holds text (`{kind}`), not numbers." if kind else "D078 It is empty."
+                what = f"D077 It contains text (`{kind}`), not numbers." if kind else "D078 It is empty."
                 self._found.unreadable[names[column]] = Reason(what)
             elif column in needed and kind == "moment":
                 self._moments[column] = Moments()

@@ -44,7 +44,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
         UnreadableLogError: If they are no table.
     """
     if any("\x00" in line for line in lines):
-        raise UnreadableLogError("D083 The log cannot be read as text (it holds bytes that are none).", REMEDY)
+        raise UnreadableLogError("D083 The log cannot be read as text (it contains bytes that are none).", REMEDY)
     rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
     if dialect.header_line:
         rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
@@ -52,7 +52,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     cells = [(i, split(line, separator)) for i, line in rows]
     numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
     if not numeric:
-        raise UnreadableLogError("D084 The log holds no table.", REMEDY)
+        raise UnreadableLogError("D084 The log contains no table.", REMEDY)
     width = Counter(map(len, numeric)).most_common(1)[0][0]
     kinds = tell_kinds([c for c in numeric if len(c) == width], [c for _, c in cells if len(c) == width], comma=comma)
     stated = dialect.header_line

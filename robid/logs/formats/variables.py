@@ -154,7 +154,7 @@ class Found:
         """Adds an array; what holds no numbers is noted as unreadable."""
         array = np.asarray(values)
         if array.dtype.kind not in "fiubc":
-            self.unreadable[name] = Reason(f"D086 It holds {_KINDS.get(array.dtype.kind, 'objects')}, not numbers.")
+            self.unreadable[name] = Reason(f"D086 It contains {_KINDS.get(array.dtype.kind, 'objects')}, not numbers.")
             return
         self.arrays[name] = array
         self.mention(name, array.size, unit)
@@ -186,7 +186,7 @@ class Found:
     def note_text(self, name: str, text: str) -> None:
         """Notes a text; as the unit, where its name says so, of the field `Data` beside it."""
         self.texts[name] = text
-        self.unreadable[name] = Reason("D088 It holds text, not numbers.")
+        self.unreadable[name] = Reason("D088 It contains text, not numbers.")
         parent, _, field_name = name.rpartition(".")
         if field_name in ("Unit", "Units", "unit", "units"):
             self.units[f"{parent}.Data"] = text

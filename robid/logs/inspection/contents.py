@@ -28,7 +28,7 @@ _FEWEST = 8  # samples from which a variable is a signal
 _COLUMNS = 64  # columns or rows of a matrix that are looked at
 _TOLD = 20  # variables of which it is told why they are no signals
 _REMEDIES = 3  # remedies that are told with them
-_TEXT = "It holds text, not numbers."
+_TEXT = "It contains text, not numbers."
 _TITLES = {**dict.fromkeys(("Data", "Signal", "Value"), ("Name",)), "values": ("label", "title", "blockName")}
 """Fields of a structure that say what the numbers in another one are."""
 
@@ -99,13 +99,13 @@ def _without_signals(
     found += [(name, why, "") for name, why in odd.items()]
     found += [(name, "It is a single number.", "") for name in scalars]
     if not found:
-        remedy = "Check that it is the right file; state `--format` where it is told wrongly."
-        return DataError("D091 The log holds no signals: it has no variables.", where=str(file), remedy=remedy)
+        remedy = "Check that it is the right file; state `--format` where it is recognized wrongly."
+        return DataError("D091 The log contains no signals: it has no variables.", where=str(file), remedy=remedy)
     told = [f"\n  `{name}`: {what}" for name, what, _ in found[:_TOLD]]
     told += [f"\n  and {len(found) - _TOLD} more"] if len(found) > _TOLD else []
     remedies = dict.fromkeys(remedy for _, _, remedy in found if remedy)
-    general = "Check that it is the right file; state `--format` or `--dialect` where it is told wrongly."
-    what = f"D092 The log holds no signals, as none of its variables is one:{''.join(told)}"
+    general = "Check that it is the right file; state `--format` or `--dialect` where it is recognized wrongly."
+    what = f"D092 The log contains no signals, as none of its variables is one:{''.join(told)}"
     return DataError(what, where=str(file), remedy=" ".join([*list(remedies)[:_REMEDIES], general]))
 
 
@@ -167,7 +167,7 @@ def _sort_out(variables: Variables) -> tuple[list[Column], dict[str, float], dic
     odd: dict[str, str] = {}
     for name, array in variables.items():
         if array.dtype.kind not in "fiub":
-            odd[name] = f"It holds {array.dtype} values, not real numbers."
+            odd[name] = f"It contains {array.dtype} values, not real numbers."
         elif array.size == 1:
             scalars[name] = float(array.ravel()[0])
         elif array.size == max(array.shape, default=0):

@@ -92,7 +92,7 @@ def _source(
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
     if made.take_last:
         gaps = found.has_gaps and made.part_s is None
-        held = f"the log holds {found.shared.held if found.shared else 0:.4g} periods"
+        held = f"the log contains {found.shared.held if found.shared else 0:.4g} periods"
         reason = "the longest part without a gap is at its end" if gaps else held
         lines += [f"{inside}take: last # {reason}"]
     lines += _entries("inputs", made.inputs, inside, "a torque, a current or a command", path)

@@ -47,7 +47,7 @@ def evaluate(path: Path | str) -> LpvModel:
         raise _refused(path, f"its format is `{content['format']}`, not `{FORMAT}`")
     model = read_artifact(path, MODEL) if kind_of(path) == MODEL.name else None
     if model is None or model.attributes.get("family") != "lpv":
-        raise _refused(path, "it holds no position-dependent model")
+        raise _refused(path, "it contains no position-dependent model")
     return solution_from_artifact(model).model
 
 

@@ -71,7 +71,7 @@ def _refuse_outside(points: FloatArray, lower: FloatArray, upper: FloatArray, po
     """Refuses positions beyond those of the fit, where its functions may do anything."""
     outside = is_outside(points, lower, upper)
     if outside.any():
-        told = f"The model holds from {ports.place(lower)} to {ports.place(upper)}"
+        told = f"The model is valid from {ports.place(lower)} to {ports.place(upper)}"
         raise DataError(
             f"D176 {told}, which leaves a position out.", where=ports.place(points[outside][0]), remedy=remedy
         )

@@ -138,10 +138,10 @@ def _refuse_other(own: Ports, found: Ports) -> None:
 
 def _verdict(held: Held, failures: Sequence[str]) -> str:
     if failures:
-        return f"does not hold on new data: {'; '.join(failures)}"
+        return f"does not predict new data: {'; '.join(failures)}"
     share, worst = held.agreement.share_within, float(np.nanmax(held.agreement.excess, initial=0.0))
     expected = expected_share(held.degrees_of_freedom)
-    told = f"holds on new data: off by {worst:.0%} beyond noise at most"
+    told = f"predicts new data: off by {worst:.0%} beyond noise at most"
     if np.isfinite(share).any():
         told += f", {np.nanmean(share):.0%} of the lines within 2 deviations"
         told += f" (a perfect model {expected:.0%})" if np.isfinite(expected) else ""

@@ -15,7 +15,7 @@ from robid.robot.description import Robot
 from robid.signals.quantities import METRES, RADIANS
 
 _PLACED = {RADIANS: float(np.deg2rad(2.0)), METRES: 0.01}
-"""How well a configuration is stated and held, arm side: a rounded figure, a drift; by unit."""
+"""How well a configuration is stated and kept, arm side: a rounded figure, a drift; by unit."""
 
 _STATED = {RADIANS: float(np.deg2rad(0.2)), METRES: 0.001}
 """Least finding of a stated position when a slope is judged."""

@@ -22,7 +22,7 @@ _MASS_STD = 0.01
 _UNKNOWN_FRICTION = 0.05  # of what a motor can give
 _UNKNOWN_SHARE = 0.2  # of the largest torque that carries weight, where nobody says what it can give
 _PRESLIDING_SHARE = 0.15
-"""Share of its friction that a motor holds for long when it swings by its presliding; it falls with the square."""
+"""Share of its friction that a motor bears for long when it swings by its presliding; it falls with the square."""
 
 _LEAST_FRICTION_SHARE = 0.05
 _LEAST_TORQUE = 1e-9

@@ -146,7 +146,7 @@ def finding_of(robot: Robot, cause: LoadCause, values: FloatArray, strength: flo
         stated = robot.payload.mass_kg
         told = f"mean torques {where} carry a payload of {stated + value:.3g} kg, the model has {stated:.3g} kg"
     elif cause.kind == "torque_constant":
-        told = f"{cause.name}: its mean torques are {1 + value:.3g} times what holds the arm {where}"
+        told = f"{cause.name}: its mean torques are {1 + value:.3g} times what balances the arm {where}"
         if value > -1:
             # Torques that are read too large ask for a constant that is smaller.
             told += f" (correct its torque constant by {two_digits(-100 * value / (1 + value), '+')} %)"

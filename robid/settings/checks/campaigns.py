@@ -124,7 +124,7 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> Found:
         source = campaign.source
         # One that others played is not designed here.
         if source and not campaign.is_arbitrary and (source.acquire is None or source.acquire.references):
-            what = "a simulation needs" if source.simulate else "an excitation is held to"
+            what = "a simulation needs" if source.simulate else "an excitation must respect"
             yield from missing_limits(("campaigns", name, "source"), what, robot, (SPEED, TORQUE))
     for name, design in experiment.designs.items():
         if design.cost == "travel":

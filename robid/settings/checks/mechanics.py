@@ -89,7 +89,7 @@ def check_shaft(field: FieldPath, spring: SpringSection, robot: RobotFile) -> Fo
             yield (*field, "joint"), f"S247 joint `{joint.name}` is rigid: a shaft lies before a transmission"
     for gear in robot.all_springs:
         if gear.joint == spring.joint and gear.place == "transmission" and (gear.cubic_nm_rad3 or gear.cubic_n_m3):
-            message = f"S248 `{gear.name}` is cubic: what swings it can only be told without shafts before it"
+            message = f"S248 `{gear.name}` is cubic: what swings it can only be identified without shafts before it"
             yield (*field, "place"), message
 
 
@@ -177,7 +177,7 @@ def _open_loops(robot: RobotFile) -> Found:
     for index, gap in zip(pinned, pin_gaps(plain, poses).max(axis=0).tolist(), strict=True):
         if gap > _CLOSED_M:
             name = robot.loop_links[index].name
-            told = f"S252 `{name}` does not close its loop: its pin is up to {1e3 * gap:.3g} mm from where it is held"
+            told = f"S252 `{name}` does not close its loop: its pin is up to {1e3 * gap:.3g} mm from where it is fixed"
             yield ("loop_links", index, "pin"), told
 
 

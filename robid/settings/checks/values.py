@@ -22,7 +22,9 @@ _SMALLEST_SHARE = 2e-3
 _QUICK_SHARE = 2e-2
 _LARGEST_SHARE = 30.0
 _MASS_TOLERANCE = 0.01
-HALVED = "where it holds all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
+HALVED = (
+    "where it contains all that turns, halve it and write the other half, times the gear ratio squared, as the link's"
+)
 
 
 def implausible(robot: RobotFile) -> Found:

@@ -263,7 +263,7 @@ def _identify_robots(one: Robots) -> Content:
         ("value", "SI", "Estimates"),
         ("truth", "SI", "True values"),
         ("std", "SI", "Deviations that the fit states"),
-        ("inside", "1", "Whether the interval holds the truth"),
+        ("inside", "1", "Whether the interval contains the truth"),
     )
     axes, shown = ("seed", "parameter"), zip(kept, values, strict=True)
     datasets = {key: Dataset(each, unit, axes, what) for (key, unit, what), each in shown}

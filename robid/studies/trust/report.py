@@ -79,9 +79,9 @@ def _sections(study: TrustStudy, rows: Mapping[str, RobotRow], summary: Mapping[
         ("Named first", lambda name: percent(summary.get(f"causes.{name}.first"))),
     )
     caption = (
-        "Springs that the data were to determine, decided before the fit. Effective: held against the same fit in fresh"
-        " places, within the root of both half widths squared. Width ratio: median half width over the 95 % quantile of"
-        " the absolute error, median over the springs."
+        "Springs that the data were to determine, decided before the fit. Effective: compared with the same fit in"
+        " fresh places, within the root of both half widths squared. Width ratio: median half width over the 95 %"
+        " quantile of the absolute error, median over the springs."
     )
 
     columns = [("Set", lambda name: name)]

@@ -223,7 +223,7 @@ _ROWS = {  # the paper's key where it prints the figure
     "ratio_mismatch_percent": ("Excess of the fitted model's error over the true drive's [%]", ""),
     "acceleration_mismatch_percent": ("The same of accelerations [%]", ""),
     "uncompensated_mismatch_percent": ("Excess of a model fitted to responses with friction in them [%]", ""),
-    "unmoved_mismatch_percent": ("Excess where the model is told that the slide stands still [%]", ""),
+    "unmoved_mismatch_percent": ("Excess where the model is given a slide that stands still [%]", ""),
 }
 _NOTES = (
     "The two ratios need not agree. At one position friction reverses all the time and differs from realization to"

@@ -52,7 +52,7 @@ def bode_section(solution: LpvSolution) -> Section:
     lead = (
         f"Responses at rest over the fitted positions, in dB of {', '.join(_units(solution))}; drag to turn. At high"
         " frequencies not every measured line is drawn. In the paper, too, interpolated and regularised models can"
-        " hardly be told apart."
+        " hardly be distinguished."
     )
     return Section("Bode plots over the positions: Figs 3 to 6", lead, tuple(parts))
 
@@ -95,8 +95,8 @@ def left_out_section(solution: LpvSolution, held: Held, measured: Frf) -> Sectio
         figures.append(Figure(title, _FREQUENCY, y_title, curves, log_y=False, height=420))
     lead = (
         "The position that no fit has read. The deviation of G is the root of the total variance of the measured mean"
-        " over realizations, which holds distortion by friction and ripple; that by noise alone comes from the periods."
-        " A model is as good as these data can tell where its error is at the level of the deviation."
+        " over realizations, which contains distortion by friction and ripple; that by noise alone comes from the"
+        " periods. A model is as good as these data can tell where its error is at the level of the deviation."
     )
     return Section("The position left out: Figs 7 and 8", lead, (Beside(tuple(figures), 2),))
 

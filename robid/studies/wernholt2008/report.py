@@ -225,7 +225,7 @@ _CLAIMS = (
 _OF_CLAIMS = (
     "Shares are those of plain descents where the study has them. A share counts as larger by more than two"
     " standard errors; a kind of parameter as easier when predicted deviation and true error are both smaller."
-    " Where several individuals are measured, the third to the fifth conclusion are held against their true values:"
+    " Where several individuals are measured, the third to the fifth conclusion are compared with their true values:"
     " yes where the 95 % interval of the ratio of errors over the individuals lies below 1, refuted where it lies"
     " above 0.9, so that a gain of a tenth or more is excluded; else undecided."
 )

@@ -230,7 +230,7 @@ def fit_individual(robot: Robot, truth: Robot, path: Path, options: ElasticOptio
         "error": Dataset(error, "1", parameter, "Logarithm of the estimate over the truth"),
         "physical": Dataset(physical, "1", parameter, "Logarithm of the interval's middle over the truth"),
         "std": Dataset(std, "1", parameter, "Deviation that the fit's interval states"),
-        "inside": Dataset(inside, "1", parameter, "Whether that interval holds the truth"),
+        "inside": Dataset(inside, "1", parameter, "Whether that interval contains the truth"),
         "misfit": Dataset(np.array(solution.misfit), "1", (), "Cost over what noise and the assumed model error give"),
     }
     return Content(datasets, {"status": estimate.status})

@@ -203,7 +203,7 @@ def _contradictions(found: Found, paper: Mapping[str, Any]) -> tuple[str, ...]:
     held = "; here it does so for every spring" if ours else ""
     return (
         f"The paper's deviations cannot be those of its eq. 5 alone: information adds over configurations, so"
-        f" {reference.name}, which holds those of {', '.join(parts)}, must have smaller ones{held}. Yet the paper"
+        f" {reference.name}, which contains those of {', '.join(parts)}, must have smaller ones{held}. Yet the paper"
         f" prints {_their_std(paper, reference.name)} of it and"
         f" {', '.join(f'{_their_std(paper, name)} of {name}' for name in parts)}. What grows with the number of"
         " configurations is what a model lacks: a deviation that saturates in each, as the one that the fit states,"

@@ -102,10 +102,10 @@ def test_with_few_robots_it_is_said_that_outliers_cannot_be_told(fleet, tmp_path
     write_summary(tmp_path / "fleet.json", "arms", found.ledgers, found.comparison)
     assert json.loads((tmp_path / "fleet.json").read_text())["untold"] == ["all"]
     [section] = outlier_sections(found)
-    assert "With fewer than 8 robots, outliers cannot be told." in section.lead
+    assert "With fewer than 8 robots, outliers cannot be named." in section.lead
     groups = ["A"] * 35 + ["B"] * 5
     [section] = outlier_sections(found_in(fleet, group=groups))
-    assert "With fewer than 8 robots in 1 group (B), outliers cannot be told." in section.lead
+    assert "With fewer than 8 robots in 1 group (B), outliers cannot be named." in section.lead
     repeated = found_in(fleet[:20], robot=[f"arm{number % 5}" for number in range(20)])
     assert repeated.comparison.untold == (0,)
 
@@ -143,7 +143,7 @@ def test_the_robot_that_changes_is_named_with_slope_and_interval(timed, tmp_path
         (8, [0] * 8, 0, "Of 4 robots that were measured more than once, none has values of different times"),
         (4, [0, 0, 0, 0, 1, 1, 1, 1], 0, "Of 4 robots that were measured more than once, none has values of"),
         (6, [0, 0, 0, 0, 1, 1, 1, 1], 2, "clearly: a chance of 1 % for a fleet that does not change to have any"
-         " robot named here. 2 robots cannot be told of, without values of different times."),
+         " robot named here. 2 robots cannot be judged, without values of different times."),
     ],
 )  # fmt: skip
 def test_robots_that_could_not_be_followed_are_told(rows, times, followed, text, tmp_path):

@@ -227,7 +227,7 @@ def test_a_constant_channel_is_refused(tmp_path):
 
 def test_too_few_periods_are_counted(tmp_path):
     message = refused(tmp_path, make_signals(), periods=7)
-    assert "holds 5 periods of 1000 samples, fewer than the 8" in message
+    assert "contains 5 periods of 1000 samples, fewer than the 8" in message
     assert "Set periods to 4 at most" in message
     none_left = refused(tmp_path, make_signals(), mapping=replace(make_mapping(Path()), drop_periods=5))
     assert "Record longer" in none_left

@@ -105,7 +105,7 @@ def test_an_offset_does_not_matter():
 @pytest.mark.parametrize("played", [(0, 0), (0, 1), (1, 1)])
 def test_another_experiment_is_named(tmp_path, played):
     message = refused(tmp_path, log_of(designed()[played]))
-    assert f"holds realization {played[0] + 1}, experiment {played[1] + 1} of the excitation, not" in message
+    assert f"contains realization {played[0] + 1}, experiment {played[1] + 1} of the excitation, not" in message
     assert "not realization 2, experiment 1" in message
 
 
@@ -142,7 +142,7 @@ def test_a_reversed_motor_of_two_looks_like_the_other_experiment_and_both_are_sa
     log = log_of(designed()[1, 0])
     log["r"] = log["r"] * [1, -1]
     message = refused(tmp_path, log)
-    assert "holds realization 2, experiment 2" in message
+    assert "contains realization 2, experiment 2" in message
     assert "correct the sign of" in message
 
 

@@ -79,4 +79,4 @@ def test_an_unknown_uncertainty_is_not_called_agreement(first):
     bare = replace(measured(2), total_covariance=None, noise_covariance=None)
     content = comparison_content("first", first, [compared("bare", first, bare)])
     assert content.verdict.level == "warn"
-    assert "bare has no known uncertainty to be held against that of first." in content.verdict.text
+    assert "bare has no known uncertainty to be compared with that of first." in content.verdict.text

@@ -86,7 +86,7 @@ def test_dropped_lines_are_counted_listed_and_crossed(bench_frf):
     assert section.tables[-1].texts[0][3:5] == ("238", "2")
     (notes,) = (part for part in section.parts if isinstance(part, Notes))
     assert notes.items == (
-        "log, configuration 1: 0°: 2 of 240 lines told too little of motor and were dropped: 14.00, 18.00 Hz.",
+        "log, configuration 1: 0°: 2 of 240 lines say too little of motor and were dropped: 14.00, 18.00 Hz.",
     )
     one = bode_data(section.parts[0])["responses"][0]["configurations"][0]
     assert one["dropped"] == [[14.0, 18.0]]
@@ -100,7 +100,7 @@ def test_the_verdict_tells_when_much_was_dropped(bench_frf):
     few, many = with_gap(bench_frf, 3, 7), with_gap(bench_frf, *range(100, 200))
     assert "too little" not in responses_verdict([("few", few)])
     told = responses_verdict([("few", few), ("many", many)])
-    assert told.endswith("(median standard deviation). At 100 of 240 lines of many too little was told.")
+    assert told.endswith("(median standard deviation). At 100 of 240 lines of many too little is known.")
 
 
 def test_uncertainty_without_noise_is_shown_over_the_whole_variance(bench_frf):

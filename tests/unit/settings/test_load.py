@@ -249,7 +249,7 @@ def test_a_wrong_field_is_told_on_its_line(tmp_path, old, new, line, field, word
         ("high_hz: 50", "high_hz: 501", "campaigns.candidates.excitation", "Nyquist frequency 500 Hz"),
         ("high_hz: 50", "high_hz: 1", "campaigns.candidates.excitation", "not below high_hz"),
         ("period_s: 2", "period_s: 2.0005", "campaigns.candidates.excitation.period_s", "not a whole number"),
-        ("count: 20}", "count: 60}", "campaigns.candidates.excitation", "holds 49 odd lines"),
+        ("count: 20}", "count: 60}", "campaigns.candidates.excitation", "contains 49 odd lines"),
         (
             "[[10, 20], [-80, 40]]",
             "[[10, 20], [-80]]",
@@ -377,7 +377,7 @@ def test_a_log_may_use_even_lines_too(tmp_path):
     experiment = _replaced(experiment, ", validate_on: fresh", "")
     full = "grid: full, detection_share: 0"
     load_experiment(_write(tmp_path, _replaced(experiment, "seed: 2", f"count: 99, {full}")))
-    assert "holds 99 lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", f"count: 100, {full}")))[0]
+    assert "contains 99 lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", f"count: 100, {full}")))[0]
     assert "odd lines" in _refused(_write(tmp_path, _replaced(experiment, "seed: 2", "count: 99")))[0]
 
 

@@ -118,7 +118,7 @@ def _realizations(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
         message = "D244 optimal weights need the total covariance, but one realization shows noise only"
         found.append((message, "record two or more realizations, or use the weights `inflated` or `user`"))
     if options.bootstrap and frf.realization_error is None:
-        message = "D245 `bootstrap` weights realizations anew, but the response holds none"
+        message = "D245 `bootstrap` weights realizations anew, but the response contains none"
         remedy = "record two or more realizations and estimate the response by blocks, or set `bootstrap` to 0"
         found.append((message, remedy))
     return found

@@ -19,7 +19,7 @@ PLACED = "springs that the robot file lacks, put in place"
 
 _SETTLED_BY = {
     "gear_nonlinearity": "the same places at two or three amplitudes of the torque",
-    "torque_constant": "a known load, held in several places with and without it",
+    "torque_constant": "a known load: several places with it and without it",
     "payload": "the payload weighed, or taken off",
     "masses": "a rigid fit of slow motions (`rigid`)",
     "rotor_inertia": "the motors' data sheets, `inertia_relative_std` as they state it",

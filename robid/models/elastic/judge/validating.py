@@ -196,16 +196,16 @@ def _refuse_empty(robot: Robot, elements: IntArray) -> None:
 
 def _verdict(measures: Measures, failures: tuple[str, ...], *, seen: bool) -> str:
     count = len(measures.error_ratio)
-    where = f"in {count} new configurations" if count > 1 else "in a new configuration"
+    what = f"{count} new configurations" if count > 1 else "a new configuration"
     if seen:
-        where = f"on new data of {'configurations' if count > 1 else 'the configuration'} of the fit"
+        what = f"new data of {'configurations' if count > 1 else 'the configuration'} of the fit"
     if failures:
-        return f"does not hold {where}: {'; '.join(failures)}"
+        return f"does not predict {what}: {'; '.join(failures)}"
     worst = float(measures.error_ratio.max())
     place = f" (configuration {int(np.argmax(measures.error_ratio)) + 1})" if count > 1 else ""
     shift = "" if measures.resonance_shift is None else f", resonances by {100 * measures.resonance_shift:.2g} %"
     return (
-        f"holds {where}: worst error {worst:.2g} of what noise and the assumed model error allow{place}, limit "
+        f"predicts {what}: worst error {worst:.2g} of what noise and the assumed model error allow{place}, limit "
         f"{COST_RATIO_LIMIT:g}; the worst motor's own response is off by {measures.motor_error_db:.2g} dB and "
         f"{measures.motor_error_deg:.2g} degrees in the median{shift}"
     )

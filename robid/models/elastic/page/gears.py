@@ -53,9 +53,8 @@ def gear_sentence(rows: tuple[GearRow, ...]) -> str:
     """Says below a table what the stiffness of gears is, and what they alone may be; empty without any."""
     if not rows:
         return ""
-    told = (
-        f"Stiffness of {', '.join(row.name for row in rows)}: {WITH_CHAIN} ({_IN_LINE}), which no response tells apart."
-    )
+    named = ", ".join(row.name for row in rows)
+    told = f"Stiffness of {named}: {WITH_CHAIN} ({_IN_LINE}), which no response distinguishes."
     uncertain = [row for row in rows if row.share > 0]
     if not uncertain:
         return told

@@ -64,8 +64,8 @@ _DEVIATION = (
 )
 _OF_BRISTLES = (
     "`hysteresis` is the torque at which bristles beside a gear slip, a tenth as stiff as it: as this campaign swings"
-    " the gear. It holds for this amplitude; what sticks there is part of the spring. Dampers of these gears come out"
-    " low, and their intervals hold less than they say."
+    " the gear. It is valid for this amplitude; what sticks there is part of the spring. Dampers of these gears come"
+    " out low, and their intervals hold less than they say."
 )
 
 

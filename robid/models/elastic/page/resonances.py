@@ -23,7 +23,7 @@ from robid.report.terminal_table import Column, TerminalTable
 
 _REPEAT_CAPTION = (
     "What campaigns that measured the same robot configuration found, pooled. An interval is where another campaign's"
-    " would be found: it holds what theirs scatter, and their own intervals."
+    " would be found: it contains what theirs scatter, and their own intervals."
 )
 
 

@@ -16,7 +16,7 @@ from robid.signals.quantities import Channel, channel_names, describe
 from robid.signals.record import Record
 
 _SAME_HOME = 1e-6  # rad, or m
-_ALIKE = "validate on a record of the same channels and units, held alike"
+_ALIKE = "validate on a record of the same channels and units, with the same hold"
 
 
 def selected(records: Sequence[Record], configurations: Sequence[int]) -> tuple[Record | None, ...]:

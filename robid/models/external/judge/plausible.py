@@ -141,7 +141,7 @@ def _never_settling(solution: ExternalSolution) -> Iterator[Finding]:
     for block, name in enumerate(solution.transfers.blocks):
         model = solution.transfer(block)
         if not model.is_stable:
-            told = f"{name} has a pole in the right half plane, which a loop that holds its position cannot have"
+            told = f"{name} has a pole in the right half plane, which a loop that keeps its position cannot have"
             yield Finding("model", told, decisive=True, strength=3.0)
         ringing = model.poles[(model.poles.imag > 0) & (np.abs(model.poles.real) * longest_s < _RINGING)]
         if ringing.size:

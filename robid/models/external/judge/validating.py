@@ -152,9 +152,9 @@ def _own_findings(bounds: Sequence[Bounds], untested: Sequence[str], solution: E
 
 def _verdict(agreed: Sequence[Agreement], bounds: Sequence[Bounds], failures: Sequence[str]) -> str:
     if failures:
-        return f"does not hold on new motions: {'; '.join(failures)}"
+        return f"does not predict new motions: {'; '.join(failures)}"
     worst = min(agreed, key=lambda one: one.nrmse)
     return (
-        f"holds on new motions: NRMSE {worst.nrmse:.3g} or more ({worst.output}), "
+        f"predicts new motions: NRMSE {worst.nrmse:.3g} or more ({worst.output}), "
         f"{min(one.inside for one in bounds):.0%} of the samples or more inside their bounds"
     )

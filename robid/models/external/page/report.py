@@ -61,7 +61,7 @@ def _wrapped(text: str) -> str:
 
 
 _MOST_SHOTS = 4
-_HELD = {"zoh": "held for a sample", "foh": "in straight lines between samples"}
+_HELD = {"zoh": "constant over a sample", "foh": "in straight lines between samples"}
 _VISIBLE = 1e-3  # of the final value
 _CONVENTIONS = (
     "A real root is given as its rate, positive in the left half plane; a pair as natural frequency and damping"
@@ -149,8 +149,8 @@ def _responses(solution: ExternalSolution) -> Section:
         for channel, name in enumerate(solution.transfers.names)
     )
     lead = (
-        "The empirical response with the region that holds the true one, over the band that was excited, and the model"
-        " with its bounds, both from samples to samples: with delay, hold and moving average."
+        "The empirical response with the region that contains the true one, over the band that was excited, and the"
+        " model with its bounds, both from samples to samples: with delay, hold and moving average."
     )
     return Section("Frequency response", lead, (Choice("Channel", options),), "response")
 

@@ -114,7 +114,7 @@ class Basis:
         if outside.any():
             lower, upper, place = (_told(point) for point in (self.lower, self.upper, points[outside][0]))
             remedy = "Ask for positions within the range, or measure further out and fit again."
-            raise DataError(f"D166 The model holds from {lower} to {upper}, not at {place}.", remedy=remedy)
+            raise DataError(f"D166 The model is valid from {lower} to {upper}, not at {place}.", remedy=remedy)
         return np.column_stack([np.ones(len(points)), self.functions.values(points)])
 
 

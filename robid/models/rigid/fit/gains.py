@@ -235,5 +235,5 @@ def _refuse(robot: Robot, shots: Sequence[Shot], model: RigidModel) -> None:
         message = "D494 gains need torques in N m, and these are currents"
         raise DataError(message, where="record", remedy="state `torque_constant_nm_a` of the motors")
     if model.needs_torque:
-        message = "D453 gains and friction that grows with the torque are not told apart"
+        message = "D453 gains and friction that grows with the torque are not distinguished"
         raise DataError(message, where="fit", remedy="leave load-dependent friction out")

@@ -239,7 +239,7 @@ def torque_constant_std(doubt: FloatArray, reduction: Reduction, estimate: Regre
 
 def _undetermined(names: Sequence[str], zero: BoolArray, wide: BoolArray, limit: float) -> tuple[str, ...]:
     """Which parameters (n_param,) are not told from zero, and which are hardly known."""
-    rows = ((f"Known to no better than {limit:.0%}", wide), ("Not told from zero", zero))
+    rows = ((f"Known to no better than {limit:.0%}", wide), ("Not distinguished from zero", zero))
     listed = (
         (told, [name for name, is_so in zip(names, which.tolist(), strict=True) if is_so]) for told, which in rows
     )

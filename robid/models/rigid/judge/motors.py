@@ -16,7 +16,7 @@ MOTOR_ERROR_LIMIT = 0.3
 """Error of a motor's torque over its size from which it must not be used."""
 
 EXPECTED_ERROR_LIMIT = 0.15
-"""Error that is expected on other motions from which a fit that was held against none must not be used."""
+"""Error that is expected on other motions from which a fit that was not validated on any must not be used."""
 
 _WITHOUT_MEANING = 10  # times a motor's size: how many more says nothing
 _BESIDE = 0.5  # of the residual: torque of links below it is lost in that

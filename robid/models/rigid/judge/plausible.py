@@ -220,7 +220,7 @@ def is_unexplained(robot: Robot, solution: RigidSolution, options: RigidFitOptio
 def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]) -> Iterator[Finding]:
     """Torques that the fit leaves, all together or of one motor, with the cause that explains most where one does."""
     if not motors.judged.any():
-        told = "no motor's torque holds more of its links than noise, friction and misfit leave"
+        told = "no motor's torque contains more of its links than noise, friction and misfit leave"
         yield Finding("excitation", told, decisive=True, strength=_TO_BLAME)
         return
     if motors.left_out:

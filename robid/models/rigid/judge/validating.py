@@ -225,8 +225,8 @@ def _doubts(
 def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...], *, same: bool) -> str:
     motion = "the motion of its fit" if same else "a new motion"
     if failures:
-        return f"does not hold on {motion}: {'; '.join(failures)}"
+        return f"does not predict {motion}: {'; '.join(failures)}"
     return (
-        f"holds on {motion}: torques are off by {prediction.total_error:.2g} of their size, and by at most "
+        f"predicts {motion}: torques are off by {prediction.total_error:.2g} of their size, and by at most "
         f"{np.nanmax(ratio):.2g} times what the fit left"
     )

@@ -83,5 +83,5 @@ def test_several_logs_are_one_recording(tmp_path):
 
 def test_a_log_without_signals_is_refused(tmp_path):
     savemat(tmp_path / "log.mat", {"note": "today", "x": 3.0})
-    with pytest.raises(DataError, match="holds no signals"):
+    with pytest.raises(DataError, match="contains no signals"):
         read_contents(tmp_path / "log.mat")

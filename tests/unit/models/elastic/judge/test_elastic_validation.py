@@ -57,7 +57,7 @@ def validation(nominal, true_arm, solution, fresh):
 
 def test_right_model_passes_at_the_cost_of_noise(validation):
     assert validation.outcome.ok
-    assert "holds in 2 new configurations" in validation.outcome.verdict
+    assert "predicts 2 new configurations" in validation.outcome.verdict
     np.testing.assert_allclose(validation.cost, validation.expected_cost, rtol=0.25)
     np.testing.assert_allclose(validation.excess, validation.cost - validation.expected_cost)
     assert validation.median_error_db < 0.15
@@ -82,7 +82,7 @@ def test_decibels_are_those_of_a_scaled_response(nominal, solution, fresh, valid
     found = validate_elastic(nominal, solution, scaled, OPTIONS, DELAY_S, None)
     np.testing.assert_allclose([found.median_error_db, found.worst_error_db, *found.error_db.ravel()], 3.0, rtol=1e-9)
     assert not found.outcome.ok
-    assert found.outcome.verdict.startswith("does not hold in 2 new configurations")
+    assert found.outcome.verdict.startswith("does not predict 2 new configurations")
 
 
 def test_wrong_payload_fails(nominal, true_arm, solution):

@@ -48,7 +48,7 @@ def test_a_fit_alone_predicts_at_best(sound):
     grade = grade_fit(sound, ())
     assert grade.value == 1
     assert grade.sentence == (
-        "Predicts, but single parameters may be off: it was not held against data that the fit never saw."
+        "Predicts, but single parameters may be off: it was not validated on data that the fit never saw."
     )
 
 

@@ -38,7 +38,7 @@ def test_a_right_model_is_to_be_trusted(solution):
     assert found.outcome.grade.value == 2
     assert found.new.all()
     assert found.held.agreement.share_within.mean() == pytest.approx(1 - np.exp(-4), abs=0.02)
-    assert "holds on new data" in found.outcome.verdict
+    assert "predicts new data" in found.outcome.verdict
 
 
 @pytest.mark.parametrize(("factor", "grade"), [(1.05, 2), (1.2, 1), (1.6, 0)])
@@ -102,5 +102,5 @@ def test_what_is_unstable_or_has_not_converged_is_not_to_be_used(solution):
 def test_other_channels_and_positions_outside_are_refused(solution):
     with pytest.raises(DataError, match="other channels"):
         validate_lpv(solution, replace(PORTS, outputs=("y1", "y3")), new_responses(), 3.0)
-    with pytest.raises(DataError, match=r"The model holds from -1 to 1, not at 1\.5"):
+    with pytest.raises(DataError, match=r"The model is valid from -1 to 1, not at 1\.5"):
         validate_lpv(solution, PORTS, new_responses(points=np.array([[1.5]])), 3.0)
