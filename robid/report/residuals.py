@@ -113,7 +113,8 @@ def _curves(data: ResidualData, size: str, noise: str, inputs: slice, outputs: t
         if np.isfinite(values).any():
             yield Curve(name, x, tuple(values.tolist()), shade=place % _SHADES, dashed=place >= _SHADES)
     alone = _noise(data, noise, inputs, outputs)
-    if np.isfinite(alone).any() and np.nanmin(alone) < _ALL_NOISE:
+    # Where noise is all that a deviation allows for, it comes to 1 everywhere.
+    if np.isfinite(alone).any() and (size != "deviations" or np.nanmin(alone) < _ALL_NOISE):
         yield Curve("noise alone", x, tuple(alone.tolist()), shade=_INK, dashed=True)
 
 

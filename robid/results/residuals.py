@@ -17,7 +17,7 @@ class LineResiduals:
     noise: FloatArray  # Standard deviation of the measured response, over the modelled one
     # The residual as a fit weighs it, over the standard deviation that its weights allow for; 1 is expected
     deviations: FloatArray
-    noise_deviations: FloatArray  # The part of that deviation that is noise; NaN where it is all of it
+    noise_deviations: FloatArray  # The part of that deviation that is noise; 1 or NaN where it is all of it
 
 
 def compare_lines(measured: ComplexArray, modelled: ComplexArray, std: FloatArray) -> LineResiduals:

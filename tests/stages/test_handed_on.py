@@ -1,5 +1,6 @@
 """What a rigid fit hands on: its friction to responses, its masses to elastic fits."""
 
+import re
 import shutil
 from pathlib import Path
 
@@ -218,6 +219,13 @@ def test_an_export_has_the_rigid_fits_masses(fed):
     assert model.body("turn").mass[0] == pytest.approx(standard["turn.M"])
     # The payload is part of the rigid fit's last link.
     assert model.body("lift").mass[0] == pytest.approx(standard["lift.M"])
+
+
+def test_the_page_shows_modes_of_the_arm_with_the_rigid_fits_masses(fed):
+    content = (fed.runs / "report.html").read_text()
+    found = {name: set(re.findall(rf'"anchor":"({name}-mode-\d+-\d+)"', content)) for name in ("fed", "plain")}
+    assert found["fed"]
+    assert found["plain"]
 
 
 def test_the_graph_knows_whose_masses_they_are(fed):

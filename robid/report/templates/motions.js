@@ -144,7 +144,7 @@
 
     // A link to a mode shows it.
     function follow() {
-      const name = decodeURIComponent(window.location.hash.slice(1));
+      const name = window.location.hash.slice(1);
       arms.forEach((arm, configuration) => arm.motions.forEach((motion, mode) => {
         if (motion.anchor !== name) return;
         chosen.set({ configuration });

@@ -1,5 +1,7 @@
 """Residuals over frequency on a page: what is pooled, on which scales, and what marks resonances."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from robid.report.residuals import ResidualData, residual_section
@@ -34,6 +36,13 @@ def test_inputs_are_pooled_or_chosen_and_configurations_are_pooled():
         np.testing.assert_allclose(deviations.curves[1].y, 10 * np.sqrt(2 * square))
         assert [curve.name for curve in relative.curves] == ["axis_1", "axis_2", "noise alone"]
         np.testing.assert_allclose(relative.curves[2].y, 0.5 * np.sqrt(2 * square))
+
+
+def test_noise_alone_is_pooled_over_the_outputs():
+    plain = data()
+    lines = replace(plain.lines, noise=np.broadcast_to(np.array([1.0, 7.0])[:, None], (2, 3, 2, 2)))
+    relative, _ = options_of(replace(plain, lines=lines))["axis_1"]
+    np.testing.assert_allclose(relative.curves[2].y, 5.0)
 
 
 def test_the_expected_level_is_one_and_in_sight():
