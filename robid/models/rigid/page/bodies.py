@@ -58,7 +58,7 @@ def _standard(solution: RigidSolution) -> tuple[Section, ...]:
         return ()
     units = map(pretty_unit, found.units)
     pairs = zip(found.names, found.nominal.tolist(), found.value.tolist(), units, strict=True)
-    rows = tuple((name, f"{nominal:.4g}", f"{value:.4g}", unit) for name, nominal, value, unit in pairs)
+    rows = tuple((name, significant(nominal, 4), significant(value, 4), unit) for name, nominal, value, unit in pairs)
     words = {
         "estimated": "They have exactly the estimated base parameters.",
         "moved": f"No real bodies have exactly the estimated ones: base parameters moved by up to"
