@@ -51,11 +51,8 @@ def replay(
     Returns:
         The signals; None where the record does not repeat, or the response kept no inputs of that experiment.
     """
-    block = realization * record.inputs.shape[2] + experiment
-    if record.is_one_shot or frf.input_amplitude is None or block >= frf.input_amplitude.shape[-1]:
-        return None
-    inputs = frf.input_amplitude[configuration, :, :, block]
-    if not np.isfinite(inputs).all():
+    inputs = _inputs_of(frf, configuration, realization * record.inputs.shape[2] + experiment)
+    if record.is_one_shot or inputs is None:
         return None
     lines = np.rint(frf.frequency_hz * record.period_s).astype(int)
     one = replace(
@@ -75,6 +72,14 @@ def replay(
         modelled=in_time(answer, lines, n_sample),
         whole=in_time(spectrum, every, n_sample),
     )
+
+
+def _inputs_of(frf: Frf, configuration: int, block: int) -> ComplexArray | None:
+    """Amplitudes (n_freq, n_in) of the inputs in one experiment of all realizations, if they were kept."""
+    if frf.input_amplitude is None or block >= frf.input_amplitude.shape[-1]:
+        return None
+    found = frf.input_amplitude[configuration, :, :, block]
+    return found if np.isfinite(found).all() else None
 
 
 def corrected_inputs(frf: Frf, response: ComplexArray) -> Frf:

@@ -114,10 +114,11 @@ def _figure(planes: list[Plane]) -> Figure:
         for sign in (1, -1)
         if level <= end
     )
+    turns = planes[0].units[0].startswith("rad")
     return Figure(
-        f"Torque over speed, {planes[0].motor}",
-        f"Motor speed [{planes[0].units[0]}]",
-        f"Motor torque [{planes[0].units[1]}]",
+        f"{'Torque' if turns else 'Force'} over speed, {planes[0].motor}",
+        f"{'Motor speed' if turns else 'Speed'} [{planes[0].units[0]}]",
+        f"{'Motor torque' if turns else 'Force'} [{planes[0].units[1]}]",
         tuple(curves),
         log_x=False,
         log_y=False,

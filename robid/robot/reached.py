@@ -79,14 +79,18 @@ def reached_in_all(every: Sequence[Reached]) -> Reached:
 
 def hull_of(points: FloatArray) -> FloatArray:
     """Returns the corners (n_corner, 2) of the convex hull of points (n_point, 2), in order; none without an area."""
-    known = points[np.isfinite(points).all(axis=1)]
-    if len(known) < _FEWEST or not (np.ptp(known, axis=0) > 0).all():
+    # Columns one after the other: sums along a short axis take ten times as long.
+    x, y = np.ascontiguousarray(points.T)
+    known = np.isfinite(x) & np.isfinite(y)
+    x, y = x[known], y[known]
+    if len(x) < _FEWEST or not min(np.ptp(x), np.ptp(y)) > 0:
         return np.zeros((0, 2))
     try:
         # Both axes have one size, so that a small torque beside a large speed is no line.
-        return np.asarray(known[ConvexHull(known / np.ptp(known, axis=0)).vertices])
+        corners = ConvexHull(np.stack([x / np.ptp(x), y / np.ptp(y)], axis=1)).vertices
     except QhullError:
         return np.zeros((0, 2))
+    return np.stack([x[corners], y[corners]], axis=1)
 
 
 def _sizes(values: FloatArray) -> tuple[FloatArray, FloatArray]:

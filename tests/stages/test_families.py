@@ -61,7 +61,7 @@ CASES = {
         FAMILIES["rigid"],
         "{family: rigid, from: estimation, validate_on: validation, instruments: none, filters: {position_cut_hz: 60}}",
         ("position_cut_hz: 60", "position_cut_hz: 50"),
-        "Is least squares to be trusted?",
+        "Least squares against other estimators",
         ("estimation/frf.h5", "validation/frf.h5"),
         code=5,  # small motions of an elastic arm
     ),
@@ -264,7 +264,10 @@ def test_the_report_shows_it_and_the_summary_counts_it(made, case, tmp_path):
     summary = json.loads((made.runs / "summary.json").read_text())
     assert any(key.startswith("fits.own.") for key in summary)
     page = made.runs / "report.html"
-    assert case.section in page.read_text()
+    shown = page.read_text()
+    assert case.section in shown
+    assert "Signals against the motors&#39; limits" in shown, "records are there, and the robot file states limits"
+    assert ("<h2>Signals in time</h2>" in shown) == (case.family.name == "elastic")
     if CHROMIUM is None:
         pytest.skip("Chromium is not installed: the page was not opened")
     drawing = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

@@ -29,6 +29,11 @@ class Motors:
     names: tuple[str, ...]
     determined: BoolArray  # (n_joint,): whether its torque holds more of its links than noise and misfit leave
     judged: BoolArray  # (n_joint,): whether the grade counts it
+    forces: frozenset[str] = frozenset()  # those whose torque is a force along a slide
+
+    def unit(self, joint: int, torque_unit: str) -> str:
+        """Unit of what drives a joint, where torques have another one: N for a force."""
+        return "N" if torque_unit == "N m" and self.names[joint] in self.forces else torque_unit
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -53,7 +58,7 @@ class Motors:
             return f"more than {_WITHOUT_MEANING} times its size"
         rms = float(np.sqrt(np.nanmean(solution.residuals.torque[:, joint] ** 2)))
         size = max(rms, LEAST_SHARE * float(solution.expected.rated[joint]))
-        return f"{error:.0%} of its size ({two_digits(error * size)} {solution.torque_unit})"
+        return f"{error:.0%} of its size ({two_digits(error * size)} {self.unit(joint, solution.torque_unit)})"
 
 
 def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str] = ()) -> Motors:

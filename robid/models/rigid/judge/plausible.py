@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from robid.results.estimate import Estimate
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
 from robid.robot.description import Robot
+from robid.robot.regressor.drives import acts_along
 
 _FRICTION = ("viscous", "coulomb", "load_friction", "coupling_viscous", "coupling_coulomb")
 _INERTIAL = ("inertia", "first_moment", "mass", "motor_inertia", "coupling_inertia")
@@ -288,7 +290,8 @@ def _bodies(solution: RigidSolution) -> Iterator[Finding]:
 
 def motors_in(robot: Robot, solution: RigidSolution, options: RigidFitOptions) -> Motors:
     """Returns the motors of a fit, those that its options ask to be judged among them."""
-    return motors_of(solution, [joint.name for joint in robot.joints], options.judge)
+    found = motors_of(solution, [joint.name for joint in robot.joints], options.judge)
+    return replace(found, forces=frozenset(joint.name for joint in robot.joints if acts_along(joint)))
 
 
 def assess_rigid(

@@ -183,7 +183,8 @@ def _error(prediction: Prediction, solution: RigidSolution) -> FloatArray:
 def _failures(prediction: Prediction, solution: RigidSolution, motors: Motors, error: FloatArray) -> tuple[str, ...]:
     (name, index, worst), found = motors.worst(error), []
     if worst > MOTOR_ERROR_LIMIT:
-        off = f"{worst:.0%} of its size ({two_digits(float(prediction.deviation[index]))} {solution.torque_unit})"
+        unit = motors.unit(index, solution.torque_unit)
+        off = f"{worst:.0%} of its size ({two_digits(float(prediction.deviation[index]))} {unit})"
         found.append(f"the torque of {name} is off by {off}, limit {MOTOR_ERROR_LIMIT:.0%}")
     whole = motors.total(prediction.measured - prediction.predicted, prediction.measured)
     if whole > TOTAL_ERROR_LIMIT:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.models.rigid.fit.solution import RigidSolution
+from robid.models.rigid.judge.joint_side import is_at_joint
 from robid.models.rigid.page.content import RigidContent
 from robid.report.numbers import pretty_unit, significant
 from robid.report.parameter_section import parameter_section
@@ -18,6 +19,8 @@ def body_sections(content: RigidContent) -> tuple[Section, ...]:
     solution, estimates, sensed = content.solution, content.estimates, content.sensed
     told = ", and what belongs to joints without a motor, whose torque is measured there: " if sensed else ""
     sides = f"Everything is on the motor side, but for what links and payload have{told}{', '.join(sensed)}."
+    if all(is_at_joint(joint) for joint in content.joints):
+        sides = "Everything is at the joints."
     known = tuple(row for row in estimates.rows if row.identified)
     poor = tuple(row for row in estimates.rows if not row.identified)
     (section,) = parameter_section(replace(estimates, rows=known or poor), sides)
@@ -55,7 +58,7 @@ def _standard(solution: RigidSolution) -> tuple[Section, ...]:
         return ()
     units = map(pretty_unit, found.units)
     pairs = zip(found.names, found.nominal.tolist(), found.value.tolist(), units, strict=True)
-    rows = tuple((name, f"{nominal:.4g}", f"{value:.4g}", unit) for name, nominal, value, unit in pairs)
+    rows = tuple((name, significant(nominal, 4), significant(value, 4), unit) for name, nominal, value, unit in pairs)
     words = {
         "estimated": "They have exactly the estimated base parameters.",
         "moved": f"No real bodies have exactly the estimated ones: base parameters moved by up to"

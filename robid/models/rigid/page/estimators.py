@@ -10,7 +10,7 @@ from robid.arrays import BoolArray, FloatArray
 from robid.models.rigid.fit.solution import RigidSolution
 from robid.models.rigid.judge.plausible import estimator_findings
 from robid.models.rigid.page.content import RigidContent
-from robid.report.numbers import MISSING, percent
+from robid.report.numbers import MISSING, percent, significant
 from robid.report.section import Folded, Notes, Part, Section, Table
 from robid.results.grade import DO_NOT_USE, PREDICTS, WORDS
 
@@ -30,7 +30,7 @@ def estimators_section(content: RigidContent) -> Section:
     parts += [_estimator_table(solution), _test_table(solution, content.motors.names)]
     if solution.estimators.bends.size:
         heads = ("Parameter", *(f"H = {bend:g}" for bend in solution.estimators.bends.tolist()))
-        columns = [[f"{value:.4g}" for value in row] for row in solution.estimators.bent.tolist()]
+        columns = [[significant(value, 4) for value in row] for row in solution.estimators.bent.tolist()]
         bent = Table(heads, tuple(zip(solution.estimate.names, *columns, strict=True)))
         parts.append(Folded("Other bends of Huber's estimator", (bent,)))
     lead = f"{_lead(solution)} {grade_sentence(content)}".strip()
@@ -117,7 +117,9 @@ def _differing(names: Sequence[str], variation: FloatArray, beyond: BoolArray, l
 def _estimator_table(solution: RigidSolution) -> Table:
     found, checks, names = solution.estimators, solution.checks, solution.estimate.names
     pairs = zip(found.values.tolist(), found.std.tolist(), strict=True)
-    values = [[f"{value:.4g} ± {std:.2g}" for value, std in zip(*pair, strict=True)] for pair in pairs]
+    values = [
+        [f"{significant(value, 4)} ± {significant(std, 2)}" for value, std in zip(*pair, strict=True)] for pair in pairs
+    ]
     against = checks.instrument_variation
     varied = [percent(value) for value in checks.huber_variation.tolist()]
     other = [MISSING] * len(names) if against is None else [percent(value) for value in against.tolist()]

@@ -26,8 +26,8 @@ def motors_section(content: RigidContent) -> Section:
         "of rated": _of_rated(own.residual, solution),
     }
     if validation is None:
-        columns["on left-out pieces"] = [percent(each) for each in expected.left_out]
-        columns["expected on others"] = [percent(each) for each in expected.error]
+        columns["left out"] = [percent(each) for each in expected.left_out]
+        columns["expected"] = [percent(each) for each in expected.error]
         columns["95 % below"] = [percent(each) for each in expected.bound]
     else:
         columns |= _on_new(validation, solution, units)
@@ -72,8 +72,9 @@ def _caption(content: RigidContent) -> str:
         told.append(f"The robot file states no rated torque of {', '.join(lacking)}.")
     if validation is None:
         told.append(
-            "Expected: error on other motions by left-out pieces and the parameters' covariance; of 95 % below."
+            "Left out: on pieces of the log that the fit did not see. Expected: on other motions, root mean square."
         )
+        told.append("95 % below: what 95 % of errors on other motions stay below.")
     else:
         told.append("To own: error on the new motion over that on the fit's own.")
     if validation is not None and validation.forward_error is not None:
