@@ -65,7 +65,7 @@ def recovery_sentence(recovery: Recovery) -> str:
     """Says how much of the truth was found; empty where none is known."""
     (within, known), coverage = recovery.within("stiffness", _SPRING_TOLERANCE), recovery.coverage
     parts = [f"{within} of {known} springs within 2 %"] if known else []
-    parts += [] if coverage is None else [f"{100 * coverage:.0f} % of the intervals hold it"]
+    parts += [] if coverage is None else [f"{100 * coverage:.0f} % of the intervals contain it"]
     return f"Against the truth: {', '.join(parts)}." if parts else ""
 
 

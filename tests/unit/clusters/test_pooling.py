@@ -96,7 +96,7 @@ def test_what_one_place_knows_alone_is_said_to_depend_on_it():
 
 
 def coverage(draw, n_draw=400):
-    """Share of the draws of evidence around zero whose intervals hold it, and how wide they are over the errors."""
+    """Share of the draws of evidence around zero whose intervals contain it, and how wide they are over the errors."""
     held, wide, errors = [], [], []
     for seed in range(n_draw):
         evidence = draw(seed)

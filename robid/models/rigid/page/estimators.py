@@ -130,7 +130,8 @@ def _estimator_table(solution: RigidSolution) -> Table:
         " least squares from the others (eq. 22 of the paper, over at least three deviations, first moments over their"
         " vector's length)."
     )
-    return Table(heads, rows, title="Estimators beside each other", caption=caption, fit="tall")
+    leaves = ("From Huber", "From instruments", *heads[-3:1:-1])
+    return Table(heads, rows, title="Estimators beside each other", caption=caption, leaves=leaves, fit="tall")
 
 
 def _test_table(solution: RigidSolution, joints: Sequence[str]) -> Table:

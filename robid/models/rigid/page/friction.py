@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 from robid.models.rigid.judge.joint_side import FRICTION_KINDS, is_at_joint, to_joint_side
 from robid.models.rigid.page.content import RigidContent
@@ -40,14 +39,10 @@ def friction_section(content: RigidContent) -> tuple[Section, ...]:
     at_joint = ("Joint side", interval, "Unit") if known else ()
     at_motor = ("Motor side" if beside else "Estimate", interval, "Unit") if beside or not known else ()
     sides = (bool(at_joint), bool(at_motor))
-    body = tuple(_rows(content, rows, sides))
-    noted = ("Note",) if any(row.cells[-1] for row in body) else ()
     columns: tuple[ColumnStyle, ...] = ("strong", "number", "text")
-    ends: tuple[ColumnStyle, ...] = ("number", "prose")
-    heads = ("Friction of", *at_joint, *at_motor, "Predicts ±", *noted)
-    styles: tuple[ColumnStyle, ...] = ("name", *(columns * sum(sides)), *ends[: 1 + len(noted)])
-    shown = tuple(replace(row, cells=row.cells[: len(heads)]) for row in body)
-    table = Table(heads, shown, caption=_SIDES if known and beside else "", styles=styles)
+    heads = ("Friction of", *at_joint, *at_motor, "Predicts ±")
+    styles: tuple[ColumnStyle, ...] = ("name", *(columns * sum(sides)), "number")
+    table = Table(heads, tuple(_rows(content, rows, sides)), caption=_SIDES if known and beside else "", styles=styles)
     return (Section("Friction", _lead(content, rows), (table,), "friction"),)
 
 
@@ -69,7 +64,8 @@ def _rows(content: RigidContent, rows: Sequence[ParameterRow], sides: tuple[bool
         cells = (*(written(row, factor, unit) if sides[0] else ()), *(motor if sides[1] else ()))
         name, note = _named(row, joint)
         notes = "; ".join(text for text in (line.note, note) if text)
-        yield Row((name, *cells, line.predicts, notes), faint=not row.identified, group=_TITLES[row.kind])
+        cells = tuple(cell.replace(" m s/rad", "\N{NO-BREAK SPACE}m\N{NO-BREAK SPACE}s/rad") for cell in cells)
+        yield Row((name, *cells, line.predicts), faint=not row.identified, group=_TITLES[row.kind], note=notes)
 
 
 def written(row: ParameterRow, factor: float, unit: str) -> tuple[str, str, str]:

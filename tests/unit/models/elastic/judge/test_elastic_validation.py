@@ -173,7 +173,7 @@ def test_truth_is_told_in_a_sentence():
     error, covered = np.array([0.03] + 12 * [0.01]), np.arange(13) > 1
     found = Recovery(("s",) * 13, ("stiffness",) * 13, np.ones(13), error, covered, np.ones(13, bool))
     assert recovery_sentence(found) == (
-        "Against the truth: 12 of 13 springs within 2 %, 85 % of the intervals hold it."
+        "Against the truth: 12 of 13 springs within 2 %, 85 % of the intervals contain it."
     )
 
 
