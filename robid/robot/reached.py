@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.robot.description import Robot
 from robid.signals.record import Record
 
 _POINTS = 300  # of a motor's plane of speed and torque
+_DIRECTIONS = 4  # in which the farthest points are looked for, to both sides
 _FEWEST = 3  # points of a hull
 
 
@@ -45,16 +46,21 @@ def reached_in(record: Record, robot: Robot) -> Reached | None:
     unknown = np.full((1, 1, len(robot.joints)), np.nan)
     torque = _motor_torques(record, robot)
     arm = unknown if angle is None else angle @ robot.arm_per_motor.T
-    plane = np.stack([speed, np.broadcast_to(unknown if torque is None else torque, speed.shape)], axis=-1)
-    planes = [plane[:, :, joint].reshape(-1, 2) for joint in range(len(robot.joints))]
+    beside = np.broadcast_to(unknown, speed.shape) if torque is None else torque
+    columns = [(speed[..., joint].ravel(), beside[..., joint].ravel()) for joint in range(len(robot.joints))]
     return Reached(
         *_sizes(speed),
         *_sizes(unknown if torque is None else torque),
         lowest=arm.min(axis=(0, 1)),
         highest=arm.max(axis=(0, 1)),
-        hulls=tuple(map(hull_of, planes)),
-        points=tuple(each[:: max(1, -(-len(each) // _POINTS))] for each in planes),
+        hulls=tuple(hull_of(*each) for each in columns),
+        points=tuple(np.stack([x[:: _step(x)], y[:: _step(y)]], axis=1) for x, y in columns),
     )
+
+
+def _step(values: FloatArray) -> int:
+    """Every how many of the values (n_point,) is kept to have few."""
+    return max(1, -(-len(values) // _POINTS))
 
 
 def reached_in_all(every: Sequence[Reached]) -> Reached:
@@ -72,25 +78,44 @@ def reached_in_all(every: Sequence[Reached]) -> Reached:
         torque_rms=most("torque_rms"),
         lowest=np.min([one.lowest for one in every], axis=0),
         highest=most("highest"),
-        hulls=tuple(hull_of(np.concatenate([one.hulls[joint] for one in every])) for joint in joints),
-        points=tuple(each[:: max(1, -(-len(each) // _POINTS))] for each in points),
+        hulls=tuple(hull_of(*np.concatenate([one.hulls[joint] for one in every]).T) for joint in joints),
+        points=tuple(each[:: _step(each)] for each in points),
     )
 
 
-def hull_of(points: FloatArray) -> FloatArray:
-    """Returns the corners (n_corner, 2) of the convex hull of points (n_point, 2), in order; none without an area."""
-    # Columns one after the other: sums along a short axis take ten times as long.
-    x, y = np.ascontiguousarray(points.T)
+def hull_of(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Returns the corners (n_corner, 2) of the convex hull of points (n_point,), in order; none without an area."""
     known = np.isfinite(x) & np.isfinite(y)
     x, y = x[known], y[known]
     if len(x) < _FEWEST or not min(np.ptp(x), np.ptp(y)) > 0:
         return np.zeros((0, 2))
+    outer = _outside(x, y)
+    x, y = x[outer], y[outer]
     try:
         # Both axes have one size, so that a small torque beside a large speed is no line.
         corners = ConvexHull(np.stack([x / np.ptp(x), y / np.ptp(y)], axis=1)).vertices
     except QhullError:
         return np.zeros((0, 2))
     return np.stack([x[corners], y[corners]], axis=1)
+
+
+def _outside(x: FloatArray, y: FloatArray) -> BoolArray:
+    """Which points (n_point,) may be corners of the hull: those not inside the polygon of the farthest ones.
+
+    Source:
+        Akl and Toussaint (1978), A fast convex hull algorithm.
+    """
+    wide, high = np.ptp(x), np.ptp(y)
+    angles = np.arange(_DIRECTIONS) * np.pi / _DIRECTIONS
+    ends = [(s.argmax(), s.argmin()) for a in angles for s in [np.cos(a) / wide * x + np.sin(a) / high * y]]
+    corners = [int(end) for side in zip(*ends, strict=True) for end in side]
+    outside = np.zeros(x.shape, bool)
+    for here, there in zip(corners, [*corners[1:], corners[0]], strict=True):
+        if (x[here], y[here]) != (x[there], y[there]):
+            # Left of an edge is inside, going round against the clock.
+            along, up = x[there] - x[here], y[there] - y[here]
+            outside |= along * (y - y[here]) - up * (x - x[here]) <= 0
+    return outside
 
 
 def _sizes(values: FloatArray) -> tuple[FloatArray, FloatArray]:

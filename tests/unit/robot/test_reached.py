@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from rigid_robots import random_chain
 from robid.robot.reached import hull_of, reached_in, reached_in_all
@@ -87,7 +88,13 @@ def test_several_records_reach_what_the_larger_one_does(robot):
 
 
 def test_a_line_has_no_hull():
-    assert hull_of(np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]])).shape == (0, 2)
-    assert hull_of(np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [3.0, 3.0]])).shape == (0, 2)
+    assert hull_of(*np.array([[0.0, 1.0], [0.0, 2.0], [0.0, 3.0]]).T).shape == (0, 2)
+    assert hull_of(*np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [3.0, 3.0]]).T).shape == (0, 2)
     square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1], [0.5, 0.5], [np.nan, 0.2]])
-    assert sorted(map(tuple, hull_of(square).tolist())) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+    assert sorted(map(tuple, hull_of(*square.T).tolist())) == [(0, 0), (0, 1), (1, 0), (1, 1)]
+
+
+def test_a_hull_of_many_points_is_that_of_all_of_them():
+    points = np.random.default_rng(2).normal(size=(5000, 2)) * [40.0, 3.0]
+    corners = ConvexHull(points).vertices
+    assert sorted(map(tuple, hull_of(*points.T).tolist())) == sorted(map(tuple, points[corners].tolist()))
