@@ -115,7 +115,7 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
         (both and estimates.with_physical, "Physical", "number", lambda line: line.physical),
         (True, f"{percent(estimates.level)} interval", "number", lambda line: f"{line.lower} … {line.upper}"),
         (repeated, "Bootstrap", "number", lambda line: line.bootstrap),
-        (True, "Unit", "text", lambda line: line.unit.replace(" ", "\N{NO-BREAK SPACE}")),
+        (True, "Unit", "unit", lambda line: line.unit),
         (own, "±", "number", lambda line: line.half_width),
         (nominal, "Nominal", "number", lambda line: _ASSUMED(line.nominal) if line.assumed else line.nominal),
         (nominal, "Change", "number", lambda line: line.change),

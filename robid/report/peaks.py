@@ -16,8 +16,8 @@ _STYLES: tuple[ColumnStyle, ...] = ("text", "text", "name", "text", "strong", "n
 _CAPTION = (
     "Peaks and dips of the magnitude that stand out of the noise. ± is half the {level} interval: the reading between"
     " the lines, and noise, alone where there is one realization. The damping ratio is that of a rational function"
-    " through the lines around the peak (its pole) or dip (its zero), a dash where these lines do not have its form:"
-    " beside a near resonance it may be off by a factor of two. Magnitude: at the nearest line."
+    " through the lines around the peak (its pole) or dip (its zero), or a dash where these lines do not have its form."
+    " Beside a near resonance it may be off by a factor of two. Magnitude: at the nearest line."
 )
 
 

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias
 
 from robid.report.charts import BodeMatrix, Heatmap, MovingArms, RatioChart, Skeletons, Waterfall
 
-ColumnStyle: TypeAlias = Literal["name", "text", "number", "strong", "prose", "code", "meter"]
+ColumnStyle: TypeAlias = Literal["name", "text", "unit", "number", "strong", "prose", "code", "meter"]
 
 
 @dataclass(frozen=True)

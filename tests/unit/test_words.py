@@ -23,6 +23,12 @@ def test_messages_help_and_pages_of_runs_use_no_retired_word():
     assert [(place, text) for place, text in words.shown_texts() if words.uses(text)] == []
 
 
+def test_few_sentences_of_messages_help_and_pages_of_runs_are_long():
+    every = [one for _, text in words.shown_texts() for one in words.sentences(text)]
+    long = [one for one in every if words.words(one) > words.LONGEST]
+    assert len(long) <= LONG_SHARE * len(every), long
+
+
 def test_sentences_and_retired_words_are_counted(tmp_path):
     page = tmp_path / "page.md"
     thirty, more = ("word " * count for count in (words.LONGEST, words.LONGEST + 1))

@@ -62,9 +62,15 @@ def test_a_row_sets_a_peak_beside_a_peak_and_a_pole_beside_a_pole():
     (table,) = resonance_section(fit.resonances, fit.frf, 0.95)[0].parts
     heads = list(table.columns)
     row = list(table.rows[0].cells)
-    assert heads[3:6] == ["Peak or dip [Hz]", "95 % interval", "Model's [Hz]"]
+    assert heads[3:6] == ["Peak or dip [Hz]", "95 % interval", "Model's peak [Hz]"]
     assert row[3:6] == ["53.97", "53.88 … 54.06", "53.99"]
-    assert heads[8:13] == ["Pole or zero [Hz]", "95 % interval", "Model's [Hz]", "95 % interval", "Damping"]
+    assert heads[8:13] == [
+        "Pole or zero [Hz]",
+        "Interval of pole",
+        "Model's pole [Hz]",
+        "Interval of model's",
+        "Damping",
+    ]
     assert row[8:13] == ["53.94", "53.85 … 54.03", "53.95", "53.90 … 54.00", "1.0 %"]
 
 

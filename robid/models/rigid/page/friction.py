@@ -39,7 +39,7 @@ def friction_section(content: RigidContent) -> tuple[Section, ...]:
     at_joint = ("Joint side", interval, "Unit") if known else ()
     at_motor = ("Motor side" if beside else "Estimate", interval, "Unit") if beside or not known else ()
     sides = (bool(at_joint), bool(at_motor))
-    columns: tuple[ColumnStyle, ...] = ("strong", "number", "text")
+    columns: tuple[ColumnStyle, ...] = ("strong", "number", "unit")
     heads = ("Friction of", *at_joint, *at_motor, "Predicts ±")
     styles: tuple[ColumnStyle, ...] = ("name", *(columns * sum(sides)), "number")
     table = Table(heads, tuple(_rows(content, rows, sides)), caption=_SIDES if known and beside else "", styles=styles)
@@ -64,7 +64,6 @@ def _rows(content: RigidContent, rows: Sequence[ParameterRow], sides: tuple[bool
         cells = (*(written(row, factor, unit) if sides[0] else ()), *(motor if sides[1] else ()))
         name, note = _named(row, joint)
         notes = "; ".join(text for text in (line.note, note) if text)
-        cells = tuple(cell.replace(" m s/rad", "\N{NO-BREAK SPACE}m\N{NO-BREAK SPACE}s/rad") for cell in cells)
         yield Row((name, *cells, line.predicts), faint=not row.identified, group=_TITLES[row.kind], note=notes)
 
 
