@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from robid.errors import DataError
+from robid.face.arguments import Wanted, check_axes, in_order, shaped, wrong_type
 from robid.face.parameters import Parameters
 from robid.face.robots import RobotModel
 from robid.frf.frf import Frf
@@ -79,12 +80,10 @@ def fit_model(
         options: Options of the kind's fit by name, as in an experiment file: `starts`, `free`, `order`.
 
     Raises:
+        SettingsError: If data are missing, of another type or in another order, or their arrays have other axes.
         DataError: If the kind is unknown, the data cannot be used as they are, or are those of `validate_on` too.
     """
-    if kind not in FITS:
-        raise DataError(
-            f"D293 there is no kind of model `{kind}`", where="fit_model", remedy=f"it is {', '.join(FITS)}"
-        )
+    _check(kind, data, validate_on, options)
     if any(_same(each, other) for each in _flat(data) for other in _flat([validate_on])):
         what = "D500 the fit would be validated on data that it has read"
         raise DataError(what, where="fit_model", remedy="keep a part of the measurements for `validate_on`")
@@ -93,6 +92,40 @@ def fit_model(
     if robots:
         options.setdefault("delay_s", robots[0].delay_s)
     return Fit(FITS[kind](*plain, validate_on=validate_on, **options))
+
+
+_ROBOT = Wanted("robot", RobotModel, "robid.load_robot(path)")
+_RESPONSES = Wanted("responses", Frf, "robid.estimate_frf(record)")
+_RECORD = Wanted("record", Record, "robid.make_record(...)")
+_RECORDS = replace(_RECORD, name="records", several=True)
+_READS = {
+    "elastic": (_ROBOT, _RESPONSES),
+    "rigid": (_ROBOT, _RECORDS),
+    "external": (_RECORDS,),
+    "lpv": (_RESPONSES,),
+}
+"""What each kind of model is fitted to."""
+_VALIDATES_ON = {"elastic": _RESPONSES, "rigid": _RECORDS, "external": _RECORD, "lpv": _RESPONSES}
+
+
+def _check(kind: str, data: Sequence[object], validate_on: object, options: Mapping[str, object]) -> None:
+    """Refuses data that are missing, of another type, in another order, or whose arrays have other axes."""
+    if kind not in FITS:
+        what, remedy = f"D293 there is no kind of model `{kind}`", f"it is {', '.join(FITS)}"
+        raise DataError(what, where="fit_model", remedy=remedy)
+    called = f"fit_model({kind})"
+    in_order(data, _READS[kind], called)
+    if validate_on is not None:
+        in_order((validate_on,), (replace(_VALIDATES_ON[kind], name="validate_on"),), called)
+    if kind == "lpv" and "choose_on" not in options:
+        what = "it needs `choose_on`: rows, from 0, of the positions that only choose the structure"
+        raise wrong_type(what, called, "name some of them, as `choose_on=[2, 5]`")
+    robots = [each for each in data if isinstance(each, RobotModel)]
+    for each in _flat([*data, validate_on]):
+        if isinstance(each, Frf | Record):
+            check_axes(each, called)
+            if robots and each.configurations is not None:
+                shaped(each.configurations, "configurations", "n_conf n_joint", called, n_joint=len(robots[0].joints))
 
 
 def _flat(data: Iterable[Any]) -> Iterator[Any]:

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from robid.arrays import ComplexArray, FloatArray, check_shape
+from robid.arrays import ComplexArray, FloatArray
+from robid.face.arguments import kind_of, shaped, wrong_type
 from robid.face.parameters import Parameters
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.robot.linearize import linearize, solve_statics
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
     from robid.face.fits import Fit
     from robid.face.runs import StoredFit
     from robid.robot.description import Robot
+
+_ELASTIC = "elastic"
 
 
 @dataclass(frozen=True)
@@ -53,23 +54,32 @@ class RobotModel:
             Responses (n_conf, n_freq, n_motor, n_motor), rad/s^2 per N m.
 
         Raises:
-            ValueError: If an argument has another shape.
+            SettingsError: If an argument has another shape.
             DataError: If springs give way under gravity.
 
         Source:
             docs/methods, sec. 1.
         """
-        places, lines = np.asarray(configurations, float), np.asarray(frequency_hz, float)
-        check_shape("configurations", places, "n_conf n_joint", n_joint=len(self.joints))
-        check_shape("frequency_hz", lines, "n_freq")
+        called = "RobotModel.response"
+        places = shaped(configurations, "configurations", "n_conf n_joint", called, n_joint=len(self.joints))
+        lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
         model = build_model(self.description)
         linear = linearize(model, solve_statics(model, places))
         parameters = nominal_parameters(model.robot, linear, 0.0 if continuous else self.delay_s)
         return response(linear, parameters, lines, None if continuous else self.sampling_period_s).sampled
 
     def with_fit(self, fit: Fit | StoredFit | Parameters) -> RobotModel:
-        """Returns the robot with an elastic fit's values in place; what was not estimated stays as it is."""
-        parameters = fit if isinstance(fit, Parameters) else fit.parameters
+        """Returns the robot with an elastic fit's values in place; what was not estimated stays as it is.
+
+        Raises:
+            SettingsError: If it is no fit, or one of another kind of model.
+        """
+        parameters = fit if isinstance(fit, Parameters) else getattr(fit, "parameters", None)
+        kind = getattr(fit, "kind", _ELASTIC)
+        if parameters is None or kind != _ELASTIC:
+            given = kind_of(fit) if parameters is None else f"a fit of the kind {kind}"
+            what = f"`fit` is {given}, but must be an elastic fit, or its parameters"
+            raise wrong_type(what, "RobotModel.with_fit", "give `run.fits[name]` or what `fit_model` returns")
         return replace(self, description=fitted_robot(self.description, parameters.estimate))
 
     def __repr__(self) -> str:

@@ -137,7 +137,19 @@ class Frf:
     def __repr__(self) -> str:
         band = f"{len(self.frequency_hz)} lines from {self.frequency_hz[0]:.4g} to {self.frequency_hz[-1]:.4g} Hz"
         channels = f"outputs {', '.join(self.output_names)}; inputs {', '.join(self.input_names)}"
-        return f"frequency responses in {len(self.configurations)} configurations, {band}\n{channels}"
+        lost = 0 if self.dropped is None else int(self.dropped.any(axis=(0, 2)).sum())
+        told = f"\n{lost} of the lines tell too little of an input: `response` is interpolated there" if lost else ""
+        return f"frequency responses in {len(self.configurations)} configurations, {band}\n{channels}{told}"
+
+    @property
+    def known_response(self) -> ComplexArray:
+        """The response (n_conf, n_freq, n_out, n_in), NaN where a line tells too little of an input.
+
+        There `response` is interpolated, and `element_variance` infinite.
+        """
+        if self.dropped is None:
+            return self.response
+        return np.asarray(np.where(self.dropped[:, :, None], complex(np.nan, np.nan), self.response))
 
     @property
     def input_names(self) -> tuple[str, ...]:
