@@ -12,7 +12,7 @@ from robid.design.configurations.options import BetweenRelativeStd, DesignOption
 from robid.errors import DataError
 from robid.face.arguments import required, shaped
 from robid.face.robots import RobotModel
-from robid.results.fitted import options_from
+from robid.results.options import options_from
 
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign

@@ -14,6 +14,7 @@ from robid.face.arguments import Wanted, check_axes, in_order, shaped, wrong_typ
 from robid.face.parameters import Parameters
 from robid.face.robots import RobotModel
 from robid.frf.frf import Frf
+from robid.models.residuals import RESIDUALS
 from robid.models.values import FITS
 from robid.signals.record import Record
 
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from robid.results.finding import Finding
     from robid.results.fitted import Fitted
     from robid.results.grade import Grade
+    from robid.results.residual import Residual
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Fit:
     """A fit of data in memory."""
 
     found: Fitted  # All of it: `solution` and `validation` are those of its kind
+    responses: Frf | None = None  # Responses that it was given; None for a kind that reads records
 
     @property
     def kind(self) -> str:
@@ -53,6 +56,11 @@ class Fit:
     def sentence(self) -> str:
         """The grade, and why it is no better; without one, why there is none."""
         return self.found.sentence
+
+    @cached_property
+    def residual(self) -> Residual:
+        """Its data less its model, and that whitened."""
+        return RESIDUALS[self.kind](self.found.solution, self.responses)
 
     def __repr__(self) -> str:
         return f"{self.kind} fit, {len(self.parameters)} parameters\n{self.parameters}\n{self.sentence}"
@@ -91,7 +99,8 @@ def fit_model(
     robots = [each for each in data if isinstance(each, RobotModel)]
     if robots:
         options.setdefault("delay_s", robots[0].delay_s)
-    return Fit(FITS[kind](*plain, validate_on=validate_on, **options))
+    responses = next((each for each in data if isinstance(each, Frf)), None)
+    return Fit(FITS[kind](*plain, validate_on=validate_on, **options), responses)
 
 
 _ROBOT = Wanted("robot", RobotModel, "robid.load_robot(path)")

@@ -15,7 +15,7 @@ from robid.face.robots import RobotModel
 from robid.frf.estimate import estimate_frf as estimate_one
 from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
-from robid.results.fitted import options_from
+from robid.results.options import options_from
 from robid.signals.quantities import QUANTITIES, Channel, QuantityName
 from robid.signals.record import Record
 

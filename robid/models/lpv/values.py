@@ -19,7 +19,8 @@ from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.results.finding import saturation_findings
-from robid.results.fitted import Fitted, options_from
+from robid.results.fitted import Fitted
+from robid.results.options import options_from
 from robid.signals.quantities import channel_names
 
 _CONFIDENCE, _IDENTIFIABLE = 0.95, 0.2
