@@ -12,6 +12,7 @@ import numpy as np
 from robid.errors import DataError
 from robid.face.arguments import Wanted, check_axes, in_order, shaped, wrong_type
 from robid.face.parameters import Parameters
+from robid.face.remedies import in_words_of_python
 from robid.face.robots import RobotModel
 from robid.frf.frf import Frf
 from robid.models.residuals import RESIDUALS
@@ -100,7 +101,8 @@ def fit_model(
     if robots:
         options.setdefault("delay_s", robots[0].delay_s)
     responses = next((each for each in data if isinstance(each, Frf)), None)
-    return Fit(FITS[kind](*plain, validate_on=validate_on, **options), responses)
+    with in_words_of_python():
+        return Fit(FITS[kind](*plain, validate_on=validate_on, **options), responses)
 
 
 _ROBOT = Wanted("robot", RobotModel, "robid.load_robot(path)")

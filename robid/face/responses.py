@@ -11,6 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.face.arguments import check_axes, numbers, required, shaped, wrong_shape
+from robid.face.remedies import in_words_of_python
 from robid.face.robots import RobotModel
 from robid.frf.estimate import estimate_frf as estimate_one
 from robid.frf.joined import join
@@ -110,7 +111,8 @@ def estimate_frf(record: Record, *, robot: RobotModel | None = None, **options: 
     laws = None if robot is None else tuple(joint.motor.torque_law for joint in robot.description.joints)
     delay = 0.0 if robot is None else robot.delay_s
     rows = [_row(record, index) for index in range(len(record.inputs))]
-    found = [estimate_one(row, chosen, laws, delay) for row in rows]
+    with in_words_of_python():
+        found = [estimate_one(row, chosen, laws, delay) for row in rows]
     return found[0] if len(found) == 1 else join(found, [f"configuration {at}" for at in range(1, len(found) + 1)])
 
 

@@ -46,6 +46,16 @@ class RobotModel:
         """Names of its joints, from the base outwards."""
         return tuple(joint.name for joint in self.description.joints)
 
+    @property
+    def lower(self) -> FloatArray:
+        """Lower limits (n_joint,) of the joints [rad, or m]."""
+        return self.description.lower
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper limits (n_joint,) of the joints [rad, or m]."""
+        return self.description.upper
+
     def response(
         self, configurations: FloatArray, frequency_hz: FloatArray, *, continuous: bool = False
     ) -> ComplexArray:

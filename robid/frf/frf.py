@@ -55,6 +55,7 @@ class Frf:
             "Derivative with respect to relative errors of compensated torque coefficients",
         ),
     ]
+    # Coefficients of the torques that compensation subtracts, as `axis_1.coulomb`
     coefficient_names: Annotated[tuple[str, ...], Quantity("1", "coefficient")]
     coefficient_relative_std: Annotated[
         FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
@@ -82,6 +83,7 @@ class Frf:
     # What each output was measured as; the same as `output_channels` where empty
     measured_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output was measured as")] = ()
     input_hold: Literal["zoh", "band_limited"] = "zoh"  # `zoh` or `band_limited`, see `robid.signals.record.Record`
+    # What the record and the estimate want the reader to know
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
     coherence: Annotated[
         _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
