@@ -64,7 +64,7 @@ class Fit:
         return RESIDUALS[self.kind](self.found.solution, self.responses)
 
     def __repr__(self) -> str:
-        return f"{self.kind} fit, {len(self.parameters)} parameters\n{self.parameters}\n{self.sentence}"
+        return f"{self.kind} fit, {self.parameters.counted}\n{self.parameters}\n{self.sentence}"
 
 
 def fit_model(

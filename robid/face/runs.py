@@ -138,7 +138,7 @@ class StoredFit:
         return self.folder / "validation.h5"
 
     def __repr__(self) -> str:
-        return f"{self.kind} fit {self.folder.name}, {len(self.parameters)} parameters\n{self.sentence}"
+        return f"{self.kind} fit {self.folder.name}, {self.parameters.counted}\n{self.sentence}"
 
 
 def _content(path: Path) -> str:

@@ -215,7 +215,7 @@ def test_what_predicts_stands_beside_what_is_there():
     assert (line.predicts, line.physical, line.half_width) == ("0.50 %", "2.100", "9.5 %")
     (section,) = parameter_section(Estimates((row,)))
     table = next(part for part in section.parts if hasattr(part, "columns"))
-    assert table.columns[:5] == ("Parameter", "Estimate", "Predicts ±", "Physical", "95 % interval")
+    assert table.columns[:5] == ("Parameter", "Estimate", "Estimate ±", "Physical", "Physical 95 % interval")
     assert table.rows[0].cells[:5] == ("gear", "2.000", "0.50 %", "2.100", "1.900 … 2.300")
     assert "what the robot file may have wrong" in table.caption
 
