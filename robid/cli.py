@@ -397,14 +397,14 @@ def explain_codes(
         list[str] | None,
         typer.Argument(
             metavar="[CODE...]",
-            help="Codes of messages, as S007; without any: what letters stand for.",
+            help="Codes of messages, as S007, or `grades`, or one of them; without any: what letters stand for.",
             autocompletion=known_codes,
         ),
     ] = None,
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
-    """Says what the code of a message means, why it stands and what to do."""
+    """Says what the code of a message or a grade means, why it stands and what to do."""
     from robid.commands.explain import explain
 
     return explain(codes or [], as_json=as_json)

@@ -25,7 +25,7 @@ from robid.arrays import quantities
 from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.cli import app
-from robid.commands.explain import LETTERS, codes_explained, explanation, read_texts
+from robid.commands.explain import LETTERS, codes_explained, explanation, read_grades, read_texts
 from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.options import DesignOptions
 from robid.design.excitation.excitation import CampaignExcitation
@@ -98,7 +98,10 @@ def commands() -> str:
 
 def messages() -> str:
     """The page of the messages, from their explanations."""
-    parts = ["# Messages", "`robid explain CODE` shows the same in a terminal."]
+    parts = ["# Messages", "`robid explain CODE` shows the same in a terminal, `robid explain grades` the grades."]
+    parts += ["## Grades"]
+    for name, one in read_grades().items():
+        parts.append(f"### {name}\n\n{one.means}\n\n**Why** {one.why}\n\n**Do** {one.do}")
     for letter, about in LETTERS.items():
         text = read_texts(letter)
         parts += [f"## {letter}: {about.kind}", f"About {about.about}. Exit code {about.exit_code}."]

@@ -56,8 +56,9 @@ def export_formats(incomplete: str) -> list[str]:
 
 
 def known_codes(incomplete: str) -> list[str]:
-    """Completes the code of a message."""
-    from robid.commands.explain import LETTERS, codes_explained, read_texts
+    """Completes the code of a message, or a grade."""
+    from robid.commands.explain import GRADES, LETTERS, codes_explained, read_texts
 
-    codes = (code for letter in LETTERS for code in codes_explained(read_texts(letter)))
+    codes = [code for letter in LETTERS for code in codes_explained(read_texts(letter))]
+    codes += ["grades", *(grade for grade in GRADES if " " not in grade)] if incomplete else []
     return [code for code in codes if code.startswith(incomplete)]
