@@ -352,6 +352,10 @@ def inspect_file(
     options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
     if is_artifact(files[0]):
         return describe_artifact(files, options, as_json=as_json)
+    from robid.settings.other_files import refuse_no_log
+
+    for file in files:
+        refuse_no_log(file)
     from robid.commands.inspect_log import describe_log
 
     return describe_log(files, options, as_json=as_json)
