@@ -18,6 +18,7 @@ from robid.commands.options import (
     Scheduler,
     Strict,
     Workers,
+    answering_commands,
     export_formats,
     known_codes,
     names_in,
@@ -419,7 +420,12 @@ def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
     command: Annotated[
         str | None,
-        typer.Option("--of", metavar="COMMAND", help="That of what a command prints with --json instead."),
+        typer.Option(
+            "--of",
+            metavar="COMMAND",
+            help="That of what a command prints with --json instead.",
+            autocompletion=answering_commands,
+        ),
     ] = None,
     _as_json: AsJson = False,
     _debug: Debug = False,

@@ -55,6 +55,13 @@ def export_formats(incomplete: str) -> list[str]:
     return sorted(name for name in formats if name.startswith(incomplete))
 
 
+def answering_commands(incomplete: str) -> list[str]:
+    """Completes a command whose answer with `--json` has a schema."""
+    from robid.commands.answers import ANSWERS
+
+    return [command for command in ANSWERS if command.startswith(incomplete)]
+
+
 def known_codes(incomplete: str) -> list[str]:
     """Completes the code of a message, or a grade."""
     from robid.commands.explain import GRADES, LETTERS, codes_explained, read_texts
