@@ -48,12 +48,12 @@ def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Sect
     nominal = ", against the nominal values of the robot file" if estimates.with_nominal else ""
     lead = f"Estimates with {percent(estimates.level)} intervals{nominal}{truth}."
     sentences = (
+        effective_sentence(estimates),
         conventions,
         estimates.about,
         ratio_sentence(estimates.torque_unit),
         f"{'Physical ±' if estimates.with_physical else '±'} is half the interval relative to the"
         f" {'physical value' if estimates.with_physical else 'estimate'}.",
-        effective_sentence(estimates),
         rule_sentence(estimates),
         "Grey rows are not determined by the data: use no more of them than was known beforehand.",
         bootstrap_sentence(estimates),
@@ -193,7 +193,7 @@ def parameter_table(estimates: Estimates) -> Group:
     """Lays out parameters, those not identified dim, with intervals, nominal values and the truth where known."""
     rows, columns = estimates.shown, _terminal_columns(estimates)
     table = TerminalTable([column for column, _ in columns], elsewhere="on the page, in `--json`")
-    footnotes = [estimates.about, ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
+    footnotes = [effective_sentence(estimates), estimates.about, ratio_sentence(estimates.torque_unit)]
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)
         table.add(Text(title, style="bold"))
