@@ -114,3 +114,14 @@ def test_a_line_that_tells_too_little_is_not_shown_as_if_it_were_measured():
         robid.from_control(there, STEP_S)
     with pytest.raises(robid.SettingsError, match="S578"):
         robid.to_control(gap, 3)
+
+
+def test_sections_of_options_are_mappings_as_in_the_experiment_file():
+    given = {"free": ("stiffness", "damping"), "correct_torques": False}
+    named = robid.fit_model("elastic", ARM, MEASURED, weights={"kind": "optimal"}, **given)
+    assert named.kind == "elastic"
+    with pytest.raises(robid.DataError, match="weights"):
+        robid.fit_model("elastic", ARM, MEASURED, weights={"kind": "best"}, **given)
+    with pytest.raises(robid.DataError, match="basis") as refused:
+        robid.fit_model("lpv", MEASURED, choose_on=[0], basis={"degre": 2})
+    assert refused.value.codes == ("D290",)
