@@ -86,10 +86,10 @@ def fit_model(
         kind: Kind of model.
         data: What the kind reads: a `RobotModel` where it needs one, then responses (`Frf`) or records (`Record`).
         validate_on: Data of the same sort that the fit does not see; without any, the fit has no grade and says so.
-        options: Options of the kind's fit by name, as in an experiment file: `starts`, `free`, `order`; sections of
-            them may be mappings. Besides, `delay_s` of elastic and rigid fits, the robot's when not given; `choose_on` of
-            external and lpv fits; `scheduling` (columns of the configurations), `inputs`, `outputs` (names) and `basis`
-            of lpv fits.
+        options: Options of the kind's fit by name, as in an experiment file: `starts`, `free`, `order`; sections may be
+            mappings. Besides, `delay_s` of elastic and rigid fits, the robot's when not given; `choose_on` of external
+            and lpv fits; `scheduling` (columns of the configurations), `inputs`, `outputs` (names) and `basis` of lpv
+            fits.
 
     Raises:
         SettingsError: If data are missing, of another type or in another order, or their arrays have other axes.
