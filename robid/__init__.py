@@ -17,9 +17,11 @@ if TYPE_CHECKING:
     from robid.face.parameters import Parameter, Parameters
     from robid.face.responses import estimate_frf, make_record
     from robid.face.robots import RobotModel, load_robot
-    from robid.face.runs import RunFolder, open  # noqa: A004  robid.open is meant to be read so
+    from robid.face.runs import RunFolder, StoredFit, open  # noqa: A004  robid.open is meant to be read so
     from robid.frf.frf import Frf
+    from robid.results.finding import Finding
     from robid.results.grade import Grade
+    from robid.results.residual import Residual
     from robid.signals.record import Record
     from robid.versions import __version__
 
@@ -32,9 +34,11 @@ _PLACES = {
     "robid.face.parameters": ("Parameter", "Parameters"),
     "robid.face.responses": ("estimate_frf", "make_record"),
     "robid.face.robots": ("RobotModel", "load_robot"),
-    "robid.face.runs": ("RunFolder", "open"),
+    "robid.face.runs": ("RunFolder", "StoredFit", "open"),
     "robid.frf.frf": ("Frf",),
+    "robid.results.finding": ("Finding",),
     "robid.results.grade": ("Grade",),
+    "robid.results.residual": ("Residual",),
     "robid.signals.record": ("Record",),
     "robid.versions": ("__version__",),
 }
@@ -44,16 +48,19 @@ __all__ = [
     "ArtifactError",
     "ConfigurationDesign",
     "DataError",
+    "Finding",
     "Fit",
     "Frf",
     "Grade",
     "Parameter",
     "Parameters",
     "Record",
+    "Residual",
     "RobidError",
     "RobotModel",
     "RunFolder",
     "SettingsError",
+    "StoredFit",
     "__version__",
     "choose_configurations",
     "estimate_frf",

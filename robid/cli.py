@@ -18,6 +18,7 @@ from robid.commands.options import (
     Scheduler,
     Strict,
     Workers,
+    answering_commands,
     export_formats,
     known_codes,
     names_in,
@@ -356,6 +357,10 @@ def inspect_file(
     options = LogInspection(format_, sampling_period_s, output, propose, read_dialect(dialect or []))
     if is_artifact(files[0]):
         return describe_artifact(files, options, as_json=as_json)
+    from robid.settings.other_files import refuse_no_log
+
+    for file in files:
+        refuse_no_log(file)
     from robid.commands.inspect_log import describe_log
 
     return describe_log(files, options, as_json=as_json)
@@ -401,14 +406,14 @@ def explain_codes(
         list[str] | None,
         typer.Argument(
             metavar="[CODE...]",
-            help="Codes of messages, as S007; without any: what letters stand for.",
+            help="Codes of messages, as S007, or `grades`, or one of them; without any: what letters stand for.",
             autocompletion=known_codes,
         ),
     ] = None,
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:
-    """Says what the code of a message means, why it stands and what to do."""
+    """Says what the code of a message or a grade means, why it stands and what to do."""
     from robid.commands.explain import explain
 
     return explain(codes or [], as_json=as_json)
@@ -419,7 +424,12 @@ def show_schema(
     robot: Annotated[bool, typer.Option("--robot", help="That of the robot file instead.")] = False,
     command: Annotated[
         str | None,
-        typer.Option("--of", metavar="COMMAND", help="That of what a command prints with --json instead."),
+        typer.Option(
+            "--of",
+            metavar="COMMAND",
+            help="That of what a command prints with --json instead.",
+            autocompletion=answering_commands,
+        ),
     ] = None,
     _as_json: AsJson = False,
     _debug: Debug = False,

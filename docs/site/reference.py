@@ -5,24 +5,36 @@ mkdocs calls `on_files` before it reads the pages.
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import inspect
+import io
 import re
+import textwrap
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, get_args, get_origin, get_type_hints
 
 import jupytext
-import robid
 import typer
 from mkdocs.structure.files import File
+
+import robid
 from robid.arrays import quantities
 from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.cli import app
-from robid.commands.explain import LETTERS, codes_explained, explanation, read_texts
+from robid.commands.explain import LETTERS, codes_explained, explanation, read_grades, read_texts
 from robid.design.configurations.information import ConfigurationDesign
+from robid.design.configurations.options import DesignOptions
 from robid.design.excitation.excitation import CampaignExcitation
 from robid.frf.frf import Frf
+from robid.frf.options import EstimateOptions
+from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.external.fit.options import ExternalOptions
+from robid.models.lpv.fit.options import LpvOptions
+from robid.models.rigid.fit.options import RigidFitOptions
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade
 from robid.results.outcome import Outcome
@@ -36,6 +48,14 @@ ARTIFACTS = (
     (MODEL, {"estimate/": Estimate, "grade/": Grade}),
     (VALIDATION, {"outcome/": Outcome, "grade/": Grade}),
 )
+
+
+OPTIONS: dict[str, dict[str, type]] = {
+    "estimate_frf": {"": EstimateOptions},
+    "choose_configurations": {"": DesignOptions},
+    "fit_model": {"elastic": ElasticOptions, "rigid": RigidFitOptions, "external": ExternalOptions, "lpv": LpvOptions},
+}
+"""Options of functions of the Python interface, by what they belong to."""
 
 
 def on_files(files: Any, config: Any) -> Any:
@@ -78,7 +98,10 @@ def commands() -> str:
 
 def messages() -> str:
     """The page of the messages, from their explanations."""
-    parts = ["# Messages", "`robid explain CODE` shows the same in a terminal."]
+    parts = ["# Messages", "`robid explain CODE` shows the same in a terminal, `robid explain grades` the grades."]
+    parts += ["## Grades"]
+    for name, one in read_grades().items():
+        parts.append(f"### {name}\n\n{one.means}\n\n**Why** {one.why}\n\n**Do** {one.do}")
     for letter, about in LETTERS.items():
         text = read_texts(letter)
         parts += [f"## {letter}: {about.kind}", f"About {about.about}. Exit code {about.exit_code}."]
@@ -112,8 +135,68 @@ def _datasets(kind: type, prefix: str) -> Iterator[str]:
 def python() -> str:
     """The page of the Python interface: what `robid` exports."""
     parts = ["# Python", "What `import robid` offers. [From Python](../how-to/python.md) shows how it is used."]
-    parts += [f"::: robid.{name}" for name in robid.__all__ if name != "__version__"]
+    for name in robid.__all__:
+        if name == "__version__":
+            continue
+        parts.append(f"::: robid.{name}")
+        value = getattr(robid, name)
+        if dataclasses.is_dataclass(value):
+            parts.append(fields(value))
+        for kind, options in OPTIONS.get(name, {}).items():
+            of = f'{name}("{kind}", ...)' if kind else f"{name}(...)"
+            about = f"Options of `{of}`, by name:"
+            parts += [about, options_table(options)]
     return "\n\n".join(parts) + "\n"
+
+
+def fields(kind: type) -> str:
+    """A table of a dataclass's fields: unit, axes and meaning, as their annotations or comments say them."""
+    declares = any("Quantity(" in str(one) for one in kind.__annotations__.values())
+    said, commented = quantities(kind) if declares else {}, comments(kind)
+    rows = ["| field | unit | axes | meaning |", "|---|---|---|---|"]
+    for field in dataclasses.fields(kind):
+        about = said.get(field.name)
+        unit, axes = ("", "") if about is None else (about.unit, ", ".join(about.axes.split()))
+        told = ". ".join(text for text in (about.meaning if about else "", commented.get(field.name, "")) if text)
+        rows.append(f"| `{field.name}` | {'' if unit == '1' else unit} | {axes} | {_cell(told)} |")
+    return "\n".join(rows)
+
+
+def comments(kind: type) -> dict[str, str]:
+    """What comments say of each field of a dataclass: at the end of its line, or on the lines above it."""
+    source = textwrap.dedent(inspect.getsource(kind))
+    tokens = tokenize.generate_tokens(io.StringIO(source).readline)
+    lines = {one.start[0]: one.string.lstrip("# ") for one in tokens if one.type == tokenize.COMMENT}
+    body = ast.parse(source).body[0].body  # type: ignore[attr-defined]
+    found, before = {}, 0
+    for node in body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            own = [lines[line] for line in range(before + 1, node.end_lineno + 1) if line in lines]
+            found[node.target.id] = " ".join(own)
+        before = node.end_lineno
+    return found
+
+
+def options_table(kind: type, prefix: str = "") -> str:
+    """A table of options with defaults; a section's options stand below it as `section.option`."""
+    return "\n".join(["| option | default | what |", "|---|---|---|", *_options(kind, prefix)])
+
+
+def _options(kind: type, prefix: str) -> Iterator[str]:
+    hints, made = get_type_hints(kind), kind()
+    for field in dataclasses.fields(kind):
+        default, inner = getattr(made, field.name), hints[field.name]
+        described = field.metadata.get("description", "")
+        shown = (
+            "" if dataclasses.is_dataclass(inner) else f"`{list(default) if isinstance(default, tuple) else default!r}`"
+        )
+        yield f"| `{prefix}{field.name}` | {shown} | {_cell(described)} |"
+        if dataclasses.is_dataclass(inner):
+            yield from _options(inner, f"{prefix}{field.name}.")
+
+
+def _cell(text: str) -> str:
+    return text.replace("|", "\\|")
 
 
 def tutorial(path: Path) -> str:

@@ -16,17 +16,12 @@
 # model has frames, masses and limits, but no gear ratios, rotor inertias or springs: `robid init` adds a table of them. You need
 # `pip install 'robid[notebook]'`.
 #
-# The first cell writes the URDF of an arm with two joints. With one of your own, put its path in place of
-# `two_joints.urdf`.
+# The first cell writes the URDF of an arm with two joints, as an example. **Your own arm: change `MODEL` in the second cell.** Nothing
+# else in this notebook depends on the robot.
 
 # %%
 import subprocess
 from pathlib import Path
-
-import matplotlib.pyplot as plt
-import numpy as np
-
-import robid
 
 URDF = """\
 <robot name="two_joints">
@@ -51,6 +46,15 @@ URDF = """\
 """
 Path("two_joints.urdf").write_text(URDF, encoding="utf-8")
 
+# %%
+import matplotlib.pyplot as plt
+import numpy as np
+
+import robid
+
+MODEL = "two_joints.urdf"  # <-- the path of your URDF or MJCF
+LOWEST_HZ, HIGHEST_HZ = 2, 80  # <-- the band in which its resonances are expected
+
 
 def robid_command(*words):
     """Runs a command of robid, and shows what it says."""
@@ -63,7 +67,7 @@ def robid_command(*words):
 # ## A robot file and an experiment from the model
 
 # %%
-robid_command("init", "arm", "--model", "two_joints.urdf")
+robid_command("init", "arm", "--model", MODEL)
 
 # %%
 print(Path("arm/arm_robot.yaml").read_text(encoding="utf-8"))
@@ -83,15 +87,17 @@ robid_command("status", "arm/arm.yaml")
 
 # %%
 arm = robid.load_robot("arm/arm_robot.yaml")
-candidates = np.random.default_rng(1).uniform([-1.4, -2.1], [1.4, 2.1], (60, 2))
-lines = np.geomspace(2, 80, 40)
+middle, half = (arm.upper + arm.lower) / 2, 0.45 * (arm.upper - arm.lower)  # 90 % of the range of each joint
+candidates = np.random.default_rng(1).uniform(middle - half, middle + half, (60, len(arm.joints)))
+lines = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 40)
 design = robid.choose_configurations(arm, candidates, lines, 6)
-print(np.degrees(candidates[design.chosen]).round())
+print(candidates[design.chosen].round(2))  # rad, or m
 print(f"{design.efficiency:.0%} of the best possible")
 
 # %% [markdown]
 # ## Simulate before you measure
 # The run simulates the arm in closed loop. Its springs differ from the file by up to a factor of two, and the fit has to find them.
+# With two joints it takes about two minutes on one core; with six, rather a quarter of an hour.
 
 # %%
 robid_command("run", "arm/arm.yaml", "--backend", "serial")
@@ -104,14 +110,16 @@ print(fit.parameters)
 
 # %% [markdown]
 # ## Resonances over the workspace
-# The fitted robot has a response in any configuration. Here it is the shoulder's own, at three angles of the elbow.
+# The fitted robot has a response in any configuration. Here it is the first joint's own, at three positions of the second joint.
 
 # %%
 found = arm.with_fit(fit)
-dense = np.geomspace(2, 80, 400)
-for elbow in (0, 60, 120):
-    G = found.response(np.radians([[20.0, elbow]]), dense)
-    plt.loglog(dense, np.abs(G[0, :, 0, 0]), label=f"elbow at {elbow}°")
+dense = np.geomspace(LOWEST_HZ, HIGHEST_HZ, 400)
+for share in (-0.8, 0.0, 0.8):
+    configuration = middle.copy()
+    configuration[1] += share * half[1]
+    G = found.response(configuration[None], dense)
+    plt.loglog(dense, np.abs(G[0, :, 0, 0]), label=f"{arm.joints[1]} at {configuration[1]:.2g}")
 plt.xlabel("frequency [Hz]")
 plt.ylabel("acceleration over torque [rad/s² per N m]")
 plt.legend()

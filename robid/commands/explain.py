@@ -6,7 +6,7 @@ import difflib
 import re
 import shutil
 import textwrap
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -45,12 +45,18 @@ LETTERS = {
 }
 
 
+GRADES = {"trust": 0, "predicts": 0, "do not use": 5}
+"""Grades of a fit, the best first, with what a command exits with."""
+_ALL_GRADES = "grades"
+_GRADE_FILE = "grades.yaml"
+
+
 @dataclass(frozen=True)
 class Explanation:
     """What there is to say of a code."""
 
-    code: Annotated[str, Meaning("The code.")]
-    kind: Annotated[str, Meaning("Kind of message, that of its letter.")]
+    code: Annotated[str, Meaning("The code, or the grade.")]
+    kind: Annotated[str, Meaning("Kind of message, that of its letter; `grade` for a grade.")]
     exit_code: Annotated[int, Meaning("What a command exits with that ends with it.")]
     means: Annotated[str, Meaning("What was found.")]
     why: Annotated[str, Meaning("What would go wrong.")]
@@ -72,26 +78,41 @@ class LettersAnswer(Answer, type="explain-letters"):
 
 
 def explain(codes: Sequence[str], *, as_json: bool) -> int:
-    """Prints what codes mean, or without any what their letters stand for; returns the exit code.
+    """Prints what codes and grades mean, or without any what their letters stand for; returns the exit code.
 
     Raises:
-        SettingsError: If there is no such code.
+        SettingsError: If there is no such code or grade.
     """
     if not codes:
         _print_letters(as_json=as_json)
         return 0
-    names = list(dict.fromkeys(code.strip().upper() for code in codes))
+    names = list(dict.fromkeys(_names(codes)))
+    grades = read_grades() if GRADES.keys() & names else {}
     texts = {letter: read_texts(letter) for letter in sorted({name[:1] for name in names} & LETTERS.keys())}
-    unknown = [name for name in names if f"\n{name}:\n" not in texts.get(name[:1], "")]
+    unknown = [name for name in names if name not in grades and f"\n{name}:\n" not in texts.get(name[:1], "")]
     if unknown:
         remedy = f"take it from the message, as in `S007`; {_near(unknown[0])}"
         raise SettingsError(f"S530 no message has the code {', '.join(unknown)}", where="explain", remedy=remedy)
-    found = [explanation(name, texts[name[0]]) for name in names]
+    found = [grades[name] if name in grades else explanation(name, texts[name[0]]) for name in names]
     if as_json:
         print_json(ExplainAnswer(tuple(found)))
     else:
         typer.echo("\n\n".join(map(_shown, found)))
     return 0
+
+
+def _names(words: Sequence[str]) -> Iterator[str]:
+    """Codes and grades of what was asked: a grade may stand in one word or in several, and `grades` are all."""
+    joined = re.sub(r"do\s+not\s+use", "do not use", "\n".join(words), flags=re.IGNORECASE)
+    for word in (each.strip() for each in joined.split("\n")):
+        grade = word.lower()
+        yield from GRADES if grade == _ALL_GRADES else (grade,) if grade in GRADES else (word.upper(),)
+
+
+def read_grades() -> dict[str, Explanation]:
+    """What is said of the grades."""
+    entries = YAML(typ="safe", pure=True).load((_FOLDER / _GRADE_FILE).read_text(encoding="utf-8"))
+    return {name: Explanation(name, "grade", GRADES[name], **entry) for name, entry in entries.items()}
 
 
 def read_texts(letter: str) -> str:
@@ -117,7 +138,9 @@ def _near(code: str) -> str:
     """Codes that look like it."""
     known = [each for letter in LETTERS for each in codes_explained(read_texts(letter))]
     close = difflib.get_close_matches(code, known, n=_NEAR, cutoff=0.5)
-    return f"near ones: {', '.join(close)}" if close else "`robid explain` lists the letters"
+    if close:
+        return f"near ones: {', '.join(close)}"
+    return "`robid explain` lists the letters, `robid explain grades` the grades"
 
 
 def _print_letters(*, as_json: bool) -> None:
@@ -125,12 +148,20 @@ def _print_letters(*, as_json: bool) -> None:
         print_json(LettersAnswer(LETTERS))
         return
     rows = [f"{key}  {one.kind} (exit code {one.exit_code}): {one.about}" for key, one in LETTERS.items()]
-    typer.echo("\n".join(["Codes of messages begin with a letter; `robid explain CODE` explains one.", *rows]))
+    first = "`robid explain CODE` explains a message, `robid explain grades` the grades."
+    typer.echo("\n".join([*wrapped(first), *(line for row in rows for line in wrapped(row, "   "))]))
+
+
+def wrapped(text: str, hanging: str = "") -> list[str]:
+    """Lines of a text as wide as the terminal, but no wider than is read with ease."""
+    width = max(min(_WIDEST, shutil.get_terminal_size().columns), 20)
+    return textwrap.wrap(text, width, subsequent_indent=hanging)
 
 
 def _shown(one: Explanation) -> str:
     width = min(_WIDEST, shutil.get_terminal_size().columns)
-    lines = [f"{one.code}  {one.kind}, exit code {one.exit_code}"]
+    strict = ", with `--strict` 5" if one.code == "predicts" else ""
+    lines = wrapped(f"{one.code}  {one.kind}, exit code {one.exit_code}{strict}", "  ")
     for name in ("means", "why", "do"):
         head = f"  {name + ':':<7}"
         shown = textwrap.wrap(

@@ -55,9 +55,17 @@ def export_formats(incomplete: str) -> list[str]:
     return sorted(name for name in formats if name.startswith(incomplete))
 
 
-def known_codes(incomplete: str) -> list[str]:
-    """Completes the code of a message."""
-    from robid.commands.explain import LETTERS, codes_explained, read_texts
+def answering_commands(incomplete: str) -> list[str]:
+    """Completes a command whose answer with `--json` has a schema."""
+    from robid.commands.answers import ANSWERS
 
-    codes = (code for letter in LETTERS for code in codes_explained(read_texts(letter)))
+    return [command for command in ANSWERS if command.startswith(incomplete)]
+
+
+def known_codes(incomplete: str) -> list[str]:
+    """Completes the code of a message, or a grade."""
+    from robid.commands.explain import GRADES, LETTERS, codes_explained, read_texts
+
+    codes = [code for letter in LETTERS for code in codes_explained(read_texts(letter))]
+    codes += ["grades", *(grade for grade in GRADES if " " not in grade)] if incomplete else []
     return [code for code in codes if code.startswith(incomplete)]

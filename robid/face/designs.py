@@ -5,18 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from robid.arrays import FloatArray, check_shape
+from robid.arrays import FloatArray
 from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.information import design_configurations
 from robid.design.configurations.options import BetweenRelativeStd, DesignOptions
 from robid.errors import DataError
-from robid.results.fitted import options_from
+from robid.face.arguments import required, shaped
+from robid.face.robots import RobotModel
+from robid.results.options import options_from
 
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
-    from robid.face.robots import RobotModel
 
 
 def choose_configurations(
@@ -45,21 +44,23 @@ def choose_configurations(
 
     Raises:
         DataError: If the robot has no controller, whose sampling period the response needs.
-        SettingsError: If the candidates cannot determine the parameters.
+        SettingsError: If an argument has another type or shape, or the candidates cannot determine the parameters.
 
     Source:
         Zimmermann et al. (2023), sec. III; docs/methods, sec. 6.
     """
-    places = np.asarray(candidates, float)
-    check_shape("candidates", places, "n_conf n_joint", n_joint=len(robot.joints))
+    called = "choose_configurations"
+    robot = required(robot, RobotModel, "robot", called, "robid.load_robot(path)")
+    places = shaped(candidates, "candidates", "n_conf n_joint", called, n_joint=len(robot.joints))
+    lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
     if robot.sampling_period_s is None:
         remedy = "add a `controller` section to the robot file"
         raise DataError("D299 the robot has no sampling period", where=robot.name, remedy=remedy)
-    chosen = options_from(DesignOptions, {"count": count, **options}, "choose_configurations")
+    chosen = options_from(DesignOptions, {"count": count, **options}, called)
     matrices, names = candidate_information(
         robot.description,
         places,
-        np.asarray(frequency_hz, float),
+        lines,
         robot.sampling_period_s,
         robot.delay_s,
         relative_error,

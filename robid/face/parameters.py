@@ -63,6 +63,12 @@ class Parameters(Mapping[str, Parameter]):
         return self.estimate.covariance
 
     @property
+    def counted(self) -> str:
+        """How many parameters of the model are identified, in words, and how many more are of friction and ripple."""
+        (found, every), along = self.estimate.count, int((~self.estimate.of_model).sum())
+        return f"{found} of {every} parameters identified" + (f", {along} more of friction and ripple" if along else "")
+
+    @property
     def confidence(self) -> float:
         """Level of the intervals."""
         return self.estimate.confidence
@@ -84,12 +90,13 @@ class Parameters(Mapping[str, Parameter]):
         if not self._rows:
             return "Parameters()"
         width = max(map(len, self._rows))
+        head = f"{'parameter':{width}}  {'estimate':>11}  {100 * self.confidence:g} % interval of the parameter itself"
         lines = [
             f"{row.name:{width}}  {row.value:11.5g}  [{row.lower:.5g}, {row.upper:.5g}] {row.unit}"
             + ("" if row.identified else "  not identified")
             for row in self.values()
         ]
-        return "\n".join(lines)
+        return "\n".join([head, *lines])
 
 
 def _parameter(estimate: Estimate, row: int) -> Parameter:

@@ -10,15 +10,17 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
+from robid.face.arguments import check_axes, numbers, required, shaped, wrong_shape
+from robid.face.remedies import in_words_of_python
+from robid.face.robots import RobotModel
 from robid.frf.estimate import estimate_frf as estimate_one
 from robid.frf.joined import join
 from robid.frf.options import EstimateOptions
-from robid.results.fitted import options_from
+from robid.results.options import options_from
 from robid.signals.quantities import QUANTITIES, Channel, QuantityName
 from robid.signals.record import Record
 
 if TYPE_CHECKING:
-    from robid.face.robots import RobotModel
     from robid.frf.frf import Frf
 
 _AXES = "configuration, realization, experiment, period, sample, channel"
@@ -56,6 +58,7 @@ def make_record(
         held: Whether the inputs are commands held for a sample; else they were measured like the outputs.
 
     Raises:
+        SettingsError: If an array is not numbers, or has other axes.
         DataError: If shapes or frequencies do not belong together.
     """
     u, y = _six(inputs, "inputs"), _six(outputs, "outputs")
@@ -64,7 +67,7 @@ def make_record(
         raise DataError(what, where="make_record", remedy=f"bring both to ({_AXES})")
     lines = np.zeros(0, int) if frequency_hz is None else _lines(frequency_hz, u.shape[4], sampling_period_s)
     if configurations is not None:
-        configurations = np.atleast_2d(np.asarray(configurations, float))
+        configurations = shaped(configurations, "configurations", "n_conf n_joint", "make_record")
     elif len(lines):
         configurations = np.zeros((len(u), u.shape[5]))
     if configurations is not None and len(configurations) != len(u):
@@ -93,17 +96,23 @@ def estimate_frf(record: Record, *, robot: RobotModel | None = None, **options: 
         options: Fields of `EstimateOptions`, as `estimator` or `pooled_lines`.
 
     Raises:
+        SettingsError: If `record` or `robot` is something else, or an array of the record has other axes.
         DataError: If the record cannot be used, or says nothing of an input.
 
     Source:
         Wernholt and Moberg (2008), eq. 2; docs/methods, sec. 4.
     """
+    record = required(record, Record, "record", "estimate_frf", "robid.make_record(...)")
+    if robot is not None:
+        robot = required(robot, RobotModel, "robot", "estimate_frf", "robid.load_robot(path)")
+    check_axes(record, "estimate_frf")
     options.setdefault("compensation", "none" if robot is None else "nominal")
     chosen = options_from(EstimateOptions, options, "estimate_frf")
     laws = None if robot is None else tuple(joint.motor.torque_law for joint in robot.description.joints)
     delay = 0.0 if robot is None else robot.delay_s
     rows = [_row(record, index) for index in range(len(record.inputs))]
-    found = [estimate_one(row, chosen, laws, delay) for row in rows]
+    with in_words_of_python():
+        found = [estimate_one(row, chosen, laws, delay) for row in rows]
     return found[0] if len(found) == 1 else join(found, [f"configuration {at}" for at in range(1, len(found) + 1)])
 
 
@@ -119,7 +128,7 @@ def _row(record: Record, index: int) -> Record:
 
 
 def _six(values: FloatArray, name: str) -> FloatArray:
-    array = np.asarray(values, float)
+    array = numbers(values, name, "make_record", _AXES)
     if not np.isfinite(array).all():
         at = tuple(int(index) for index in np.argwhere(~np.isfinite(array))[0])
         what = f"D501 `{name}` has values that are not finite, the first at index {at}"
@@ -127,13 +136,17 @@ def _six(values: FloatArray, name: str) -> FloatArray:
     if not 2 <= array.ndim <= 6:
         what = f"D296 `{name}` has {array.ndim} axes: from (sample, channel) to ({_AXES}) are meant"
         raise DataError(what, where="make_record", remedy="one channel is an array (n_sample, 1)")
+    n_sample, n_channel = array.shape[-2:]
+    if n_channel > n_sample:
+        what = f"`{name}` of shape {array.shape} has {n_channel} channels of {n_sample} samples: channels come last"
+        raise wrong_shape(what, "make_record", f"bring its axes into the order ({_AXES})")
     return array.reshape((1,) * (6 - array.ndim) + array.shape)
 
 
 def _lines(frequency_hz: FloatArray, n_sample: int, sampling_period_s: float) -> IntArray:
     """DFT lines (n_freq,) of frequencies, of a period of so many samples."""
     period_s = n_sample * sampling_period_s
-    exact = np.asarray(frequency_hz, float) * period_s
+    exact = shaped(frequency_hz, "frequency_hz", "n_freq", "make_record") * period_s
     lines = np.rint(exact).astype(int)
     if (np.abs(exact - lines) > _ON_LINE * np.maximum(lines, 1)).any() or (lines < 1).any():
         what = f"D297 not all frequencies are lines of a period of {period_s:g} s"

@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from robid.arrays import ComplexArray, FloatArray, check_shape
+from robid.arrays import ComplexArray, FloatArray
+from robid.face.arguments import kind_of, shaped, wrong_type
 from robid.face.parameters import Parameters
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.robot.linearize import linearize, solve_statics
@@ -18,7 +17,11 @@ from robid.robot.response import nominal_parameters, response
 if TYPE_CHECKING:
     from robid.face.fits import Fit
     from robid.face.runs import StoredFit
+    from robid.frf.frf import Frf
     from robid.robot.description import Robot
+    from robid.signals.quantities import Rate
+
+_ELASTIC, _DELAY = "elastic", "delay"
 
 
 @dataclass(frozen=True)
@@ -28,6 +31,10 @@ class RobotModel:
     description: Robot  # Geometry, masses, drives, springs, friction and payload, as plain values
     sampling_period_s: float | None = None  # Of its controller, which holds torques; None where the file has none
     delay_s: float = 0.0  # From the computed to the applied torque, hold excluded [s]
+    held: bool = True  # Whether torques are held for a sampling period; else they were measured like the motions
+    # How many times each motor's motion is differentiated before it is sampled, see `robid.signals.quantities.Rate`;
+    # empty for positions
+    rates: tuple[Rate, ...] = ()
 
     @property
     def name(self) -> str:
@@ -39,6 +46,16 @@ class RobotModel:
         """Names of its joints, from the base outwards."""
         return tuple(joint.name for joint in self.description.joints)
 
+    @property
+    def lower(self) -> FloatArray:
+        """Lower limits (n_joint,) of the joints [rad, or m]."""
+        return self.description.lower
+
+    @property
+    def upper(self) -> FloatArray:
+        """Upper limits (n_joint,) of the joints [rad, or m]."""
+        return self.description.upper
+
     def response(
         self, configurations: FloatArray, frequency_hz: FloatArray, *, continuous: bool = False
     ) -> ComplexArray:
@@ -47,30 +64,50 @@ class RobotModel:
         Args:
             configurations (n_conf, n_joint): Arm-side joint positions [rad, or m]; one alone is (1, n_joint).
             frequency_hz (n_freq,): Frequencies [Hz].
-            continuous: Whether torques act without hold and delay; else as the controller applies them.
+            continuous: Whether torques act without hold and delay; else as the controller applies them, or as in the
+                data of the fit that was put in.
 
         Returns:
             Responses (n_conf, n_freq, n_motor, n_motor), rad/s^2 per N m.
 
         Raises:
-            ValueError: If an argument has another shape.
+            SettingsError: If an argument has another shape.
             DataError: If springs give way under gravity.
 
         Source:
             docs/methods, sec. 1.
         """
-        places, lines = np.asarray(configurations, float), np.asarray(frequency_hz, float)
-        check_shape("configurations", places, "n_conf n_joint", n_joint=len(self.joints))
-        check_shape("frequency_hz", lines, "n_freq")
+        called = "RobotModel.response"
+        places = shaped(configurations, "configurations", "n_conf n_joint", called, n_joint=len(self.joints))
+        lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
         model = build_model(self.description)
-        linear = linearize(model, solve_statics(model, places))
+        linear = replace(linearize(model, solve_statics(model, places)), rates=self.rates)
         parameters = nominal_parameters(model.robot, linear, 0.0 if continuous else self.delay_s)
-        return response(linear, parameters, lines, None if continuous else self.sampling_period_s).sampled
+        period_s = self.sampling_period_s if self.held and not continuous else None
+        return response(linear, parameters, lines, period_s).sampled
 
     def with_fit(self, fit: Fit | StoredFit | Parameters) -> RobotModel:
-        """Returns the robot with an elastic fit's values in place; what was not estimated stays as it is."""
-        parameters = fit if isinstance(fit, Parameters) else fit.parameters
-        return replace(self, description=fitted_robot(self.description, parameters.estimate))
+        """Returns the robot with an elastic fit's values in place; what was not estimated stays as it is.
+
+        Sampling period, hold and delay become those of the fit and its data; those of parameters alone are not known.
+
+        Raises:
+            SettingsError: If it is no fit, or one of another kind of model.
+        """
+        parameters = fit if isinstance(fit, Parameters) else getattr(fit, "parameters", None)
+        kind = getattr(fit, "kind", _ELASTIC)
+        if parameters is None or kind != _ELASTIC:
+            given = kind_of(fit) if parameters is None else f"a fit of the kind {kind}"
+            what = f"`fit` is {given}, but must be an elastic fit, or its parameters"
+            raise wrong_type(what, "RobotModel.with_fit", "give `run.fits[name]` or what `fit_model` returns")
+        found = replace(self, description=fitted_robot(self.description, parameters.estimate))
+        if _DELAY in parameters:
+            found = replace(found, delay_s=parameters[_DELAY].value)
+        data: Frf | None = getattr(fit, "responses", None)
+        if data is None:
+            return found
+        rates = data.output_rates if data.output_names == self.joints else ()
+        return replace(found, sampling_period_s=data.sampling_period_s, held=data.input_hold == "zoh", rates=rates)
 
     def __repr__(self) -> str:
         springs = ", ".join(spring.name for spring in self.description.springs)

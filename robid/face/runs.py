@@ -18,14 +18,18 @@ from robid.artifacts.results import (
     outcome_from_artifact,
     read_grade,
 )
-from robid.artifacts.store import read_artifact, read_attributes, read_group
+from robid.artifacts.store import read_artifact, read_attributes, read_group, read_header
 from robid.errors import ArtifactError
 from robid.face.parameters import Parameters
+from robid.frf.joined import join
+from robid.models.residuals import STORED_RESIDUALS
 
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
     from robid.frf.frf import Frf
+    from robid.results.finding import Finding
     from robid.results.grade import Grade
+    from robid.results.residual import Residual
     from robid.signals.record import Record
 
 _Value = TypeVar("_Value")
@@ -85,6 +89,35 @@ class StoredFit:
         return (self.grade or read_grade(self._model, MODEL)).sentence
 
     @property
+    def findings(self) -> tuple[Finding, ...]:
+        """What speaks against it, the first to blame first; `sentence` of each says it with its likely cause."""
+        return (self.grade or read_grade(self._model, MODEL)).findings
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What keeps it from a better grade, a clause each, the worst first."""
+        return (self.grade or read_grade(self._model, MODEL)).reasons
+
+    @cached_property
+    def responses(self) -> Frf | None:
+        """Responses that it was fitted to; None where it read records, or they are gone or made anew since."""
+        origin = read_header(self._model, MODEL).provenance
+        settings = origin.settings[f"fits.{self.folder.name}"]
+        campaigns = [settings["from"]] if isinstance(settings["from"], str) else list(settings["from"])
+        paths = [self.folder.parents[1] / campaign / "frf.h5" for campaign in campaigns]
+        read_ones = [value for name, value in origin.inputs.items() if name.startswith("frf")]
+        if not read_ones or [_content(path) for path in paths] != read_ones:
+            return None
+        read = [frf_from_artifact(read_artifact(path, FRF)) for path in paths]
+        whole = read[0] if len(read) == 1 else join(read, campaigns)
+        return whole if settings.get("configurations") is None else whole.select(settings["configurations"])
+
+    @cached_property
+    def residual(self) -> Residual:
+        """Its data less its model, and that whitened."""
+        return STORED_RESIDUALS[self.kind](self.model, self.responses)
+
+    @property
     def verdict(self) -> str:
         """What its validation found; empty without one."""
         if not self._validation.exists():
@@ -105,7 +138,11 @@ class StoredFit:
         return self.folder / "validation.h5"
 
     def __repr__(self) -> str:
-        return f"{self.kind} fit {self.folder.name}, {len(self.parameters)} parameters\n{self.sentence}"
+        return f"{self.kind} fit {self.folder.name}, {self.parameters.counted}\n{self.sentence}"
+
+
+def _content(path: Path) -> str:
+    return read_header(path, FRF).content_sha256 if path.is_file() else ""
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,7 @@ class Frf:
             "Derivative with respect to relative errors of compensated torque coefficients",
         ),
     ]
+    # Coefficients of the torques that compensation subtracts, as `axis_1.coulomb`
     coefficient_names: Annotated[tuple[str, ...], Quantity("1", "coefficient")]
     coefficient_relative_std: Annotated[
         FloatArray, Quantity("1", "coefficient", "Standard deviation of the relative error")
@@ -82,6 +83,7 @@ class Frf:
     # What each output was measured as; the same as `output_channels` where empty
     measured_channels: Annotated[tuple[Channel, ...], Quantity("1", "output", "What each output was measured as")] = ()
     input_hold: Literal["zoh", "band_limited"] = "zoh"  # `zoh` or `band_limited`, see `robid.signals.record.Record`
+    # What the record and the estimate want the reader to know
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
     coherence: Annotated[
         _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
@@ -137,7 +139,19 @@ class Frf:
     def __repr__(self) -> str:
         band = f"{len(self.frequency_hz)} lines from {self.frequency_hz[0]:.4g} to {self.frequency_hz[-1]:.4g} Hz"
         channels = f"outputs {', '.join(self.output_names)}; inputs {', '.join(self.input_names)}"
-        return f"frequency responses in {len(self.configurations)} configurations, {band}\n{channels}"
+        lost = 0 if self.dropped is None else int(self.dropped.any(axis=(0, 2)).sum())
+        told = f"\n{lost} of the lines tell too little of an input: `response` is interpolated there" if lost else ""
+        return f"frequency responses in {len(self.configurations)} configurations, {band}\n{channels}{told}"
+
+    @property
+    def known_response(self) -> ComplexArray:
+        """The response (n_conf, n_freq, n_out, n_in), NaN where a line tells too little of an input.
+
+        There `response` is interpolated, and `element_variance` infinite.
+        """
+        if self.dropped is None:
+            return self.response
+        return np.asarray(np.where(self.dropped[:, :, None], complex(np.nan, np.nan), self.response))
 
     @property
     def input_names(self) -> tuple[str, ...]:

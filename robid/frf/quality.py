@@ -30,13 +30,6 @@ class Quality:
     even: FloatArray  # (n_conf, n_freq, n_out) The same of the even ones
 
 
-def known_response(frf: Frf) -> ComplexArray:
-    """The response (n_conf, n_freq, n_out, n_in), NaN where a line told too little of an input."""
-    if frf.dropped is None:
-        return frf.response
-    return np.asarray(np.where(frf.dropped[:, :, None], complex(np.nan, np.nan), frf.response))
-
-
 def dropped_lines(frf: Frf) -> BoolArray:
     """Lines (n_conf, n_freq, n_in) that told too little of an input."""
     shape = (*frf.response.shape[:2], frf.response.shape[3])
@@ -82,7 +75,7 @@ def saturation_text(frf: Frf) -> str:
 
 def judge(frf: Frf) -> Quality:
     """Says how well a response is known."""
-    size = np.abs(known_response(frf))
+    size = np.abs(frf.known_response)
     columns = np.sqrt(np.real(np.diagonal(frf.input_factor, axis1=-2, axis2=-1)))
     # Over the input factor's root: the input that gives the best known response, not the largest one.
     reach = np.nan_to_num(size / np.maximum(columns, np.finfo(float).tiny)[..., None, :])

@@ -13,7 +13,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.frf.quality import dropped_lines, known_response
+from robid.frf.quality import dropped_lines
 from robid.models.encode import Content, encode_json, encode_mat, encode_table
 from robid.signals.quantities import Channel, readable, readable_units, response_unit
 from robid.versions import __version__
@@ -59,7 +59,7 @@ def response_tables(response: Response) -> list[bytes]:
 
 def _table(response: Response, place: int) -> bytes:
     frf = response.frf
-    deviation, known = _deviation(frf), known_response(frf)
+    deviation, known = _deviation(frf), frf.known_response
     columns, values = ["frequency [Hz]"], [frf.frequency_hz]
     for row, output in enumerate(frf.output_names):
         for column, name in enumerate(frf.input_names):
@@ -91,12 +91,12 @@ def response_mat(response: Response) -> bytes:
     frf = response.frf
     text = np.array(response.units, object)
     kept = {name: value for name, value in _arrays(frf).items() if value is not None}
-    return encode_mat({**_described(response), "units": text, "response": known_response(frf), **kept})
+    return encode_mat({**_described(response), "units": text, "response": frf.known_response, **kept})
 
 
 def response_json(response: Response) -> bytes:
     """Writes all configurations as JSON; a line that was dropped is null."""
-    frf, known = response.frf, known_response(response.frf)
+    frf, known = response.frf, response.frf.known_response
     parts: dict[str, FloatArray | ComplexArray] = {"response_real": known.real, "response_imaginary": known.imag}
     for name, value in _arrays(frf).items():
         if value is None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, check_shape
 from robid.frf.frf import Frf
-from robid.frf.quality import dropped_lines, known_response
+from robid.frf.quality import dropped_lines
 from robid.report.numbers import MINUS, fixed, number_of, percent, pretty_unit, rounded
 from robid.signals.quantities import readable, readable_units
 
@@ -209,7 +209,7 @@ def band_radius(frf: Frf, level: float) -> FloatArray:
 def _response_data(response: BodeResponse, figure: BodeMatrix) -> dict[str, Any]:
     frf = response.frf
     radius = band_radius(frf, figure.level)
-    response_known, dropped = known_response(frf), dropped_lines(frf)
+    response_known, dropped = frf.known_response, dropped_lines(frf)
     configurations = [
         {
             "label": configuration_label(frf, index),

@@ -10,7 +10,6 @@ import numpy as np
 
 from robid.frf.comparison import LEVEL, Comparison, ElementDifference
 from robid.frf.frf import Frf
-from robid.frf.quality import known_response
 from robid.report.charts import BodeMatrix, BodeResponse, Overlay, band_radius, configuration_label
 from robid.report.numbers import MISSING, percent, significant
 from robid.report.page import ReportContent, Verdict
@@ -129,7 +128,7 @@ def _overlay(first: Frf, other: Compared) -> Overlay:
     frf, aligned = other.frf, other.comparison.aligned
     shape = (len(first.configurations), len(frf.frequency_hz), *first.response.shape[2:])
     response, radius = np.full(shape, np.nan + 0j), np.zeros(shape)
-    found, known = band_radius(frf, LEVEL), known_response(frf)
+    found, known = band_radius(frf, LEVEL), frf.known_response
     for mine, theirs in aligned.pairs:
         for (row, from_row), (column, from_column) in (
             (output, given) for output in aligned.outputs for given in aligned.inputs

@@ -28,10 +28,21 @@ from robid.report.parameters import (
 )
 from robid.report.section import Cell, ColumnStyle, Folded, Notes, Part, Row, Section, Table
 from robid.report.terminal_table import Column, Footnotes, TerminalTable
-from robid.robot.parameters import PARAMETER_KINDS
+from robid.robot.parameters import FRICTION_KIND, PARAMETER_KINDS
 
 RATIO_PANELS = tuple(dict.fromkeys(kind.panel for kind in PARAMETER_KINDS.values() if kind.panel))
-_LEAVES = ("Change", "In interval", "Bootstrap", "Off truth", "±", "Nominal", "Physical", "Predicts ±", "Truth")
+_LEAVES = (
+    "Change",
+    "In interval",
+    "Bootstrap",
+    "Off truth",
+    "±",
+    "Physical ±",
+    "Nominal",
+    "Physical",
+    "Estimate ±",
+    "Truth",
+)
 """Columns that leave a narrow page, the first first."""
 Groups: TypeAlias = Sequence[tuple[str, Sequence[ParameterLine]]]
 _ASSUMED = partial(Cell, badge="a", hint="assumed: no published source")
@@ -50,11 +61,12 @@ def parameter_section(estimates: Estimates, conventions: str = "") -> tuple[Sect
     nominal = ", against the nominal values of the robot file" if estimates.with_nominal else ""
     lead = f"Estimates with {percent(estimates.level)} intervals{nominal}{truth}."
     sentences = (
+        effective_sentence(estimates),
         conventions,
         estimates.about,
         ratio_sentence(estimates.torque_unit),
-        f"± is half the interval relative to the {'physical value' if estimates.with_physical else 'estimate'}.",
-        effective_sentence(estimates),
+        f"{'Physical ±' if estimates.with_physical else '±'} is half the interval relative to the"
+        f" {'physical value' if estimates.with_physical else 'estimate'}.",
         rule_sentence(estimates),
         "Grey rows are not determined by the data: use no more of them than was known beforehand.",
         bootstrap_sentence(estimates),
@@ -107,16 +119,22 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
     """Tabulates parameters, or what is estimated along, with those columns that any of them fills."""
     with_truth, own = _with_truth(estimates), not nuisances
     nominal, both = own and estimates.with_nominal, own and estimates.with_effective
+    level, whose = percent(estimates.level), "physical " if both and estimates.with_physical else ""
     repeated = own and any(row.bootstrap is not None for row in estimates.rows)
     every: tuple[tuple[bool, str, ColumnStyle, Callable[[ParameterLine], str | Cell]], ...] = (
         (True, "Parameter", "name", lambda line: line.name),
         (True, "Estimate", "strong", lambda line: line.estimate),
-        (both, "Predicts ±", "number", lambda line: line.predicts),
+        (both, "Estimate ±", "number", lambda line: line.predicts),
         (both and estimates.with_physical, "Physical", "number", lambda line: line.physical),
-        (True, f"{percent(estimates.level)} interval", "number", lambda line: f"{line.lower} … {line.upper}"),
+        (
+            True,
+            f"{whose}{level} interval".capitalize(),
+            "number",
+            lambda line: f"{line.lower} … {line.upper}",
+        ),
         (repeated, "Bootstrap", "number", lambda line: line.bootstrap),
         (True, "Unit", "unit", lambda line: line.unit),
-        (own, "±", "number", lambda line: line.half_width),
+        (own, f"{whose}±".capitalize(), "number", lambda line: line.half_width),
         (nominal, "Nominal", "number", lambda line: _ASSUMED(line.nominal) if line.assumed else line.nominal),
         (nominal, "Change", "number", lambda line: line.change),
         (with_truth, "Truth", "number", lambda line: line.truth),
@@ -134,14 +152,14 @@ def _table(estimates: Estimates, groups: Groups, caption: str, *, nuisances: boo
 
 
 def count_identified(rows: Sequence[ParameterRow]) -> int:
-    """Counts the parameters that are identified: the only count that page, terminal and summary give."""
-    return sum(row.identified for row in rows)
+    """Counts the parameters of the model that are identified, as `Estimate.count` does: page, terminal and summary."""
+    return sum(row.identified for row in rows if row.kind != FRICTION_KIND)
 
 
 def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[KeyNumber]:
     """Yields what says how well the parameters are known; none of a fit that is of no use counts as identified."""
-    rows, springs = estimates.rows, _springs(estimates.rows)
-    chosen = springs or list(rows)
+    rows, springs = estimates.shown, _springs(estimates.rows)
+    chosen = springs or rows
     if usable and rows:
         found, every = count_identified(chosen), count_identified(rows)
         detail = "" if len(chosen) == len(rows) else f"{every} of {len(rows)} parameters"
@@ -161,7 +179,7 @@ def parameter_numbers(estimates: Estimates, *, usable: bool = True) -> Iterator[
 def identified_phrase(estimates: Estimates, *, usable: bool = True) -> str:
     """Says how many springs, or parameters without any, are identified, and how closely."""
     springs = _springs(estimates.rows)
-    chosen = springs or list(estimates.rows)
+    chosen = springs or estimates.shown
     noun = ("spring" if springs else "parameter") + ("" if len(chosen) == 1 else "s")
     if not usable:
         return f"{len(chosen)} {noun} {'was' if len(chosen) == 1 else 'were'} fitted"
@@ -187,8 +205,7 @@ def parameter_table(estimates: Estimates) -> Group:
     """Lays out parameters, those not identified dim, with intervals, nominal values and the truth where known."""
     rows, columns = estimates.shown, _terminal_columns(estimates)
     table = TerminalTable([column for column, _ in columns], elsewhere="on the page, in `--json`")
-    footnotes = [estimates.about, ratio_sentence(estimates.torque_unit), effective_sentence(estimates)]
-    footnotes += ["a: assumed, not published"] if any(row.assumed for row in rows) else []
+    footnotes = [effective_sentence(estimates), estimates.about, ratio_sentence(estimates.torque_unit)]
     for kind in dict.fromkeys(row.kind for row in rows):
         title = kind_title(kind, estimates.torque_unit)
         table.add(Text(title, style="bold"))
@@ -215,16 +232,23 @@ def with_notes(table: TerminalTable, notes: list[str]) -> Group:
 def _terminal_columns(estimates: Estimates) -> list[tuple[Column, Callable[[ParameterLine], str | Text]]]:
     """The columns that any parameter fills, each with how it writes one."""
     both, with_truth = estimates.with_effective, any(row.truth is not None for row in estimates.shown)
+    whose = "physical " if both and estimates.with_physical else ""
+    assumed = "a: assumed, not published" if any(row.assumed for row in estimates.shown) else ""
+    nominal = Column("nominal", leaves=3, note=assumed)
     every: tuple[tuple[bool, Column, Callable[[ParameterLine], str | Text]], ...] = (
         (True, Column("parameter", numbers=False), lambda line: f"  {line.name}"),
         (True, Column("estimate"), lambda line: Text(line.estimate, "bold") if line.identified else line.estimate),
-        (both, Column("predicts ±", leaves=5), lambda line: line.predicts),
+        (both, Column("estimate ±", leaves=5), lambda line: line.predicts),
         # The interval is that of the physical value where there is one.
         (both and estimates.with_physical, Column("physical"), lambda line: line.physical),
-        (True, Column(f"{100 * estimates.level:g} % interval"), lambda line: f"{line.lower} … {line.upper}"),
+        (True, Column(f"{whose}{100 * estimates.level:g} % interval"), lambda line: f"{line.lower} … {line.upper}"),
         (True, Column("unit", numbers=False), lambda line: line.unit),
-        (True, Column("±", leaves=2), lambda line: line.half_width),
-        (estimates.with_nominal, Column("nominal", leaves=3), lambda line: "a " * line.assumed + line.nominal),
+        (True, Column(f"{whose}±", leaves=2), lambda line: line.half_width),
+        (
+            estimates.with_nominal,
+            nominal,
+            lambda line: "a " * line.assumed + line.nominal,
+        ),
         (with_truth, Column("truth", leaves=1), lambda line: line.truth),
         (with_truth, Column("off truth", leaves=4), _off_truth),
     )

@@ -153,12 +153,14 @@ def effective_sentence(estimates: Estimates) -> str:
         return ""
     if not estimates.with_physical:
         return (
-            "“Predicts ±” is how closely the residuals know what predicts; the interval is the parameter's own, which "
-            "also contains what the robot file may have wrong, as its motors' torque constants."
+            "“Estimate” is the value that predicts best, “estimate ±” half its interval relative to it. The interval"
+            " beside it is that of the part itself: it also contains what the robot file may have wrong, as the torque"
+            " constants of its motors."
         )
     return (
-        "“Predicts ±” is that of what infinitely many configurations of this robot would give; “physical” is the "
-        "parameter itself, whose interval contains what the robot file may have wrong."
+        "“Estimate” is the value that predicts other configurations best, “estimate ±” half its interval relative to"
+        " it. “Physical” is the value of the part itself: its interval and ± also contain what the robot file may have"
+        " wrong."
     )
 
 

@@ -27,6 +27,7 @@ class Column:
     numbers: bool = True  # whether it holds numbers, which stand to the right and never wrap; else words, which may
     # When it is left out where there is no room: 1 first, then 2, ...; 0 never. Columns of one head leave together.
     leaves: int = 0
+    note: str = ""  # what there is to say below the table as long as it is shown
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,8 @@ class TerminalTable:
                 lines += _row(row, kept, widths, self.columns) if widths else self._apart(row, kept, room)
         if len(kept) < len(self.columns):
             lines.append(Text(wrap(self._left_out(kept, needed), room), "dim"))
+        said = [self.columns[place].note for place in kept if self.columns[place].note]
+        lines += [Text(wrap(note, room if options.is_terminal else None), "dim") for note in said]
         yield Text("\n", no_wrap=True, overflow="ignore").join(lines)
 
     def _left_out(self, kept: Sequence[int], needed: int) -> str:

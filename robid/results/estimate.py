@@ -10,7 +10,7 @@ from scipy.linalg import qr
 from scipy.stats import norm
 
 from robid.arrays import BoolArray, FloatArray, Quantity
-from robid.robot.parameters import NUISANCE_KIND
+from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND
 
 _ADDED = 0.5
 """Share of what was known beforehand below which a standard deviation is the data's doing."""
@@ -97,6 +97,16 @@ class Estimate:
         known = self.prior_relative_std <= self.identifiable_relative_std
         added = ~known | self.identifiable | (self.relative_std < _ADDED * self.prior_relative_std)
         return np.asarray((self.relative_half_width <= allowed) & added)
+
+    @property
+    def of_model(self) -> BoolArray:
+        """Which parameters (n_param,) the model is made of: all but corrections of compensated friction and ripple."""
+        return np.array([kind != FRICTION_KIND for kind in self.kinds], bool)
+
+    @property
+    def count(self) -> tuple[int, int]:
+        """How many parameters of the model are identified, and how many there are: the only count that is given."""
+        return int(np.sum(self.identified & self.of_model)), int(np.sum(self.of_model))
 
     @property
     def known_beforehand(self) -> BoolArray:

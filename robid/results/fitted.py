@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any
 
-from robid.errors import DataError
 from robid.results.estimate import Estimate
 from robid.results.finding import Finding
 from robid.results.grade import Grade
 
-_Options = TypeVar("_Options")
 UNGRADED = "not graded: the fit was not validated on data that it never saw; give some as `validate_on`"
 """What is said of a fit that nothing validated."""
 
@@ -37,20 +35,3 @@ class Fitted:
         if self.held is not None:
             return self.held.sentence
         return UNGRADED if self.alone.value else f"{UNGRADED}; by its own data: {self.alone.sentence}"
-
-
-def options_from(kind: type[_Options], given: dict[str, Any], called: str) -> _Options:
-    """Makes options of what was given by name.
-
-    Raises:
-        DataError: If there is no such option, or one has a value that it cannot have.
-    """
-    known = [each.name for each in fields(kind)]  # type: ignore[arg-type]
-    unknown = [name for name in given if name not in known]
-    if unknown:
-        what = f"D290 there is no option {', '.join(f'`{name}`' for name in unknown)}"
-        raise DataError(what, where=called, remedy=f"options are: {', '.join(known)}")
-    try:
-        return kind(**given)
-    except (TypeError, ValueError) as error:
-        raise DataError(f"D291 {error}", where=called, remedy="correct the option") from error

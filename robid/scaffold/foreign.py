@@ -19,7 +19,7 @@ from robid.scaffold.robot_text import robot_text
 if TYPE_CHECKING:
     from robid.logs.inspection.findings import Findings
     from robid.robot.foreign import ForeignModel
-    from robid.scaffold.chains import Chain
+    from robid.scaffold.chains import CarriedJoint, Chain
     from robid.scaffold.sizes import Drive
 
 with later(__name__):
@@ -112,7 +112,8 @@ def _steps(name: str, model: ForeignModel, chain: Chain, typical: list[Drive], *
     """Says what a user must do by hand, in order of what matters most."""
     robot, listed = f"{name}_robot.yaml", ", ".join
     unlimited = [one.name for one in chain.joints if one.range is None]
-    odd = [one.name for one, drive in zip(chain.joints, typical, strict=True) if drive.torque_left_out is not None]
+    both = zip(chain.joints, typical, strict=True)
+    odd = [_limit(joint, drive) for joint, drive in both if drive.torque_left_out is not None]
     steps = [
         f"{robot}: put gear ratios, rotor inertias and the motors' limits of the data sheets into the table of joints:"
         " an error in them goes into springs and dampers",
@@ -121,8 +122,18 @@ def _steps(name: str, model: ForeignModel, chain: Chain, typical: list[Drive], *
     ]
     steps += [f"{robot}: check the limits of {listed(unlimited)}: {model.name} has none"] if unlimited else []
     if odd:
-        why = f"what {model.name} says is too little or too much for the arm with its test load"
+        why = f"the arm with its test load is of another size than the limits of {model.name}"
         steps.append(f"{robot}: check `max_torque_nm` of {listed(odd)}: {why}")
     steps += [f"{robot}: check that {listed(chain.held)} do not move: they are locked"] if chain.held else []
     steps += [f"{robot}: check `gravity_m_s2`: {model.name} has none that can be meant"] if weightless else []
     return [*steps, "take what you have replaced off the lists `assumed`"]
+
+
+def _limit(joint: CarriedJoint, drive: Drive) -> str:
+    """Says by how much a limit was raised or lowered, at the arm."""
+    stated, force = drive.torque_left_out or 0.0, "N" if joint.slides else "N m"
+    written = (drive.max_torque_nm or 0.0) * drive.ratio
+    factors = (written / stated, stated / written) if stated and written else (0.0, 0.0)
+    by = f"{max(factors):.2g} times, " if max(factors) else ""
+    way = "raised" if written > stated else "lowered"
+    return f"{joint.name} ({way} {by}from {stated:.4g} to {written:.4g} {force} at the arm)"

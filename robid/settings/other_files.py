@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,8 @@ _UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _MODELS = {"<mujoco": "an MJCF", "<robot": "a URDF"}
 _SEPARATORS = ",;\t"
 _SHOWN = 6
+_BEGINNING, _HTML = 1 << 20, 20  # bytes of a file that say what it is
+_KEY = re.compile(r"^(\w+):", re.MULTILINE)
 
 
 def unreadable(path: Path, error: OSError, suffixes: Collection[str] = SUFFIXES) -> SettingsError:
@@ -95,6 +98,33 @@ def refuse_other_text(path: Path, text: str) -> None:
         remedy = f"a manifest stands before its experiment file, `robid reprocess {path} EXPERIMENT.yaml`; for a log,"
         remedy += f" `robid inspect {path} --propose EXPERIMENT.yaml` writes the experiment"
         raise SettingsError(what, where=str(path), remedy=remedy)
+
+
+def refuse_no_log(path: Path) -> None:
+    """Refuses a file of robid, or a rigid model, where an artifact or a log is asked for; says which command reads it.
+
+    Raises:
+        SettingsError: If it is an experiment file, a robot file, a URDF, an MJCF or a page.
+    """
+    if not path.is_file():
+        return
+    with path.open("rb") as file:
+        text = file.read(_BEGINNING).decode("utf-8", errors="replace").lstrip("\ufeff \t\r\n")
+    keys = set(_KEY.findall(text)) if path.suffix.lower() in SUFFIXES else set()
+    kind = next((told for mark, told in _MODELS.items() if text.startswith("<") and mark in text), "")
+    if kind:
+        remedy = f"`robid init NAME --model {path}` writes an experiment and a robot file that has it as `model:`"
+    elif keys & {*_EXPERIMENT}:
+        kind, remedy = "an experiment file", f"`robid status {path}` checks it, `robid run {path}` runs it"
+    elif keys & {*_ROBOT}:
+        kind = "a robot file"
+        remedy = f"`robid status EXPERIMENT.yaml` checks it with an experiment that says `robot: {path.name}`"
+    elif text[:_HTML].lower().startswith(("<!doctype html", "<html")):
+        kind, remedy = "a page", "open it in a browser"
+    else:
+        return
+    what = f"S580 is {kind}, where an artifact or a log is asked for"
+    raise SettingsError(what, where=str(path), remedy=remedy)
 
 
 def _is_table(text: str) -> bool:

@@ -25,9 +25,11 @@ _REMEDY = "correct the file"
 _OF_KEYS = "`robid schema` prints every key with its meaning"
 _ABOUT_KEYS = re.compile(r"\bS38[0-6]\b")
 _MISSING = "S381 "
+_MISTAKE = re.compile(r"S38[03-6] ")
 _MEANT = re.compile(r"\bS380 .*did you mean `(.+)`\?$")
 _LONGEST_VALUE = 60
 _MOST_NAMES = 8
+_MOST_ENTRIES = 3
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,24 @@ def told_once(problems: Iterable[SettingsProblem]) -> list[SettingsProblem]:
         first = min(same, key=lambda problem: problem.line)
         more = f"{len(same) - 1} more place{'s' * (len(same) > 2)} that use{'s' * (len(same) == 2)} it"
         found.append(replace(first, message=f"{first.message} (and in {more})") if len(same) > 1 else first)
+    return _told_of_entries(found)
+
+
+def _told_of_entries(problems: Sequence[SettingsProblem]) -> list[SettingsProblem]:
+    """Tells what is wrong in the same way with several entries of a list once, with the others."""
+    alike: dict[tuple[object, ...], list[SettingsProblem]] = {}
+    for problem in problems:
+        place = tuple("" if isinstance(part, int) else part for part in problem.path)
+        # What is missing is to be filled in at each place; a key or value that is wrong is one mistake, copied.
+        copied = "" in place and _MISTAKE.match(problem.message)
+        apart = () if copied else (problem.line, problem.field)
+        alike.setdefault((problem.file, problem.message, place, apart), []).append(problem)
+    found = []
+    for same in alike.values():
+        first, *others = sorted(same, key=lambda problem: problem.line)
+        named = ", ".join(f"`{other.field}`" for other in others[:_MOST_ENTRIES])
+        more = f" and {len(others) - _MOST_ENTRIES} more" if len(others) > _MOST_ENTRIES else ""
+        found.append(replace(first, message=f"{first.message} (also {named}{more})") if others else first)
     return found
 
 

@@ -51,6 +51,8 @@ def complete(shop):
         (("export", "small.yaml", "--format", "m"), {"mat", "mjcf"}),
         (("run", "small.yaml", "--backend", ""), {"serial", "processes", "dask"}),
         (("explain", "S37"), {f"S37{last}" for last in range(10)}),
+        (("explain", "tr"), {"trust"}),
+        (("schema", "--of", "sta"), {"status"}),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )

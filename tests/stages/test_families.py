@@ -312,6 +312,14 @@ def test_the_same_fit_of_values_in_memory(made, case):
         for field in ("value", "lower", "upper", "effective_lower", "effective_upper"):
             assert getattr(ours, field) == pytest.approx(getattr(one, field), rel=1e-6)
     assert found.grade.value == stored.grade.value
+    ours, left = found.residual, stored.residual
+    np.testing.assert_allclose(left.values, ours.values, rtol=1e-4, atol=1e-4 * np.nanmax(np.abs(ours.measured)))
+    np.testing.assert_allclose(left.values, left.measured - left.model)
+    assert np.isfinite(left.whitened).any()
+    assert len(left.axes) == left.measured.ndim
+    assert left.abscissa.size in left.measured.shape
+    assert stored.reasons == stored.grade.reasons
+    assert all(finding.sentence for finding in stored.findings)
     alone = robid.fit_model(kind, *robot, data, **options)
     assert alone.grade is None
     assert "validate_on" in alone.sentence

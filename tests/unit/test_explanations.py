@@ -10,7 +10,8 @@ from ruamel.yaml import YAML
 import words
 from message_codes import codes_written
 from robid.cli import run_command
-from robid.commands.explain import LETTERS, Explanation, codes_explained, explanation, read_texts
+from robid.commands.explain import GRADES, LETTERS, Explanation, codes_explained, explanation, read_grades, read_texts
+from robid.results.grade import WORDS
 
 PARTS = ("means", "why", "do")
 LONGEST = 600
@@ -102,7 +103,7 @@ def test_a_code_that_is_not_there_brings_near_ones(told):
 def test_without_a_code_letters_are_told(told):
     code, out, _ = told()
     assert code == 0
-    assert [line[:1] for line in out.splitlines()[1:]] == [*LETTERS]
+    assert [line[:1] for line in out.splitlines()[1:] if not line.startswith(" ")] == [*LETTERS]
     assert [*json.loads(told("--json")[1])["letters"]] == [*LETTERS]
 
 
@@ -111,3 +112,36 @@ def test_an_error_on_a_terminal_says_where_more_is(capsys, monkeypatch, terminal
     monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
     assert run_command(["status", "nowhere.yaml"]) == 2
     assert ("robid explain S333" in capsys.readouterr().err) is hinted
+
+
+def test_each_grade_is_explained_in_the_words_that_are_printed():
+    assert [WORDS[value].split(",")[0] for value in sorted(WORDS, reverse=True)] == [*read_grades()] == [*GRADES]
+    for grade, one in read_grades().items():
+        assert len({one.means, one.why, one.do}) == 3, grade
+        for text in (one.means, one.why, one.do):
+            assert not words.uses(text), grade
+            assert all(words.words(each) <= words.LONGEST for each in words.sentences(text)), grade
+
+
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [
+        (["grades"], ["trust", "predicts", "do not use"]),
+        (["trust"], ["trust"]),
+        (["do not use"], ["do not use"]),
+        (["do", "not", "use"], ["do not use"]),
+        (["Predicts", "F020"], ["predicts", "F020"]),
+    ],
+)
+def test_grades_are_asked_for_as_codes_are(told, asked, found):
+    code, out, _ = told(*asked, "--json")
+    assert code == 0
+    assert [one["code"] for one in json.loads(out)["explanations"]] == found
+
+
+@pytest.mark.parametrize("columns", [40, 80])
+@pytest.mark.parametrize("asked", [[], ["grades"], ["S007"]])
+def test_lines_are_no_longer_than_the_terminal(told, monkeypatch, columns, asked):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    _, out, _ = told(*asked)
+    assert max(map(len, out.splitlines())) <= columns

@@ -38,7 +38,7 @@ class ConfigurationDesign:
     # Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
     # `(max tr(M^-1 H_i) - n) / n`
     gap: float
-    criterion: str
+    criterion: str  # What was made the most of: `d`, `a` or `e`
     slopes: Annotated[FloatArray, Quantity("1", "candidate", _SLOPES)]
     chosen: Annotated[IntArray, Quantity("1", "configuration", "Indices of the chosen candidates")]
     counts: Annotated[IntArray, Quantity("1", "candidate", "Experiments in each candidate")]
@@ -55,6 +55,7 @@ class ConfigurationDesign:
     # As they are there, mean over the draws
     information: Annotated[FloatArray, Quantity("1", _MATRICES, "Information about the log-parameters")]
     predicted_relative_std: Annotated[FloatArray, Quantity("1", "parameter", _PROMISED)]
+    # Parameters that the design is for, as `gear_2.stiffness`
     parameter_names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
     configurations: Annotated[FloatArray, Quantity("{joint}", "candidate joint", "The candidates' arm-side joints")]
     # None where they cost the same

@@ -115,9 +115,9 @@ def phrase_of_model(model: Artifact) -> str:
     solution = solution_from_artifact(model)
     best = int(np.sum(solution.starts.minimum == 0))
     estimate = solution.estimate
-    count = _counted(len(estimate.names), "parameter")
-    identified = f"{int(np.sum(estimate.identified))} of {count} identified"
-    known = int(np.sum(estimate.known_beforehand))
+    found, every = estimate.count
+    identified = f"{found} of {_counted(every, 'parameter')} identified"
+    known = int(np.sum(estimate.known_beforehand & estimate.of_model))
     identified += f" ({known} more known beforehand)" if known else ""
     expected = float(solution.costs.expected.sum())
     ratio = (

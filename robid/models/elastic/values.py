@@ -10,7 +10,8 @@ from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.validating import validate_elastic
-from robid.results.fitted import Fitted, options_from
+from robid.results.fitted import Fitted
+from robid.results.options import options_from
 from robid.robot.description import Robot
 
 

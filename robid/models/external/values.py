@@ -12,7 +12,8 @@ from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.fit.records import homes_of, refuse_other_channels, refuse_other_ports
 from robid.models.external.judge.plausible import assess_external
 from robid.models.external.judge.validating import validate_external
-from robid.results.fitted import Fitted, options_from
+from robid.results.fitted import Fitted
+from robid.results.options import options_from
 from robid.signals.record import Record
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +19,8 @@ from robid.models.lpv.fit.responses import LocalResponses
 from robid.models.lpv.fit.solution import Ports
 from robid.models.lpv.judge import assess_lpv, validate_lpv
 from robid.results.finding import saturation_findings
-from robid.results.fitted import Fitted, options_from
+from robid.results.fitted import Fitted
+from robid.results.options import options_from
 from robid.signals.quantities import channel_names
 
 _CONFIDENCE, _IDENTIFIABLE = 0.95, 0.2
@@ -32,7 +33,7 @@ def fit_values(
     scheduling: Sequence[int] | None = None,
     inputs: Sequence[str] = (),
     outputs: Sequence[str] = (),
-    basis: BasisOptions | None = None,
+    basis: BasisOptions | Mapping[str, Any] | None = None,
     validate_on: Frf | None = None,
     **options: Any,  # noqa: ANN401
 ) -> Fitted:
@@ -55,6 +56,8 @@ def fit_values(
         Turk et al. (2018); docs/methods, position-dependent fits.
     """
     chosen, rows = options_from(LpvOptions, options, "fit_model(lpv)"), np.arange(len(responses.response))
+    if not isinstance(basis, BasisOptions):
+        basis = options_from(BasisOptions, basis or {}, "fit_model(lpv), basis")
     held_back = np.isin(rows, np.asarray(choose_on))
     if held_back.all() or not held_back.any():
         what = "D292 `choose_on` leaves no position to fit, or names none"
@@ -65,7 +68,7 @@ def fit_values(
         own,
         choosing,
         seen.ports(responses),
-        BasisOptions() if basis is None else basis,
+        basis,
         chosen,
         degrees_of_freedom=responses.degrees_of_freedom,
         confidence=_CONFIDENCE,

@@ -10,7 +10,8 @@ from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.shots import Shot, shots_of
 from robid.models.rigid.judge.identifying import identify
 from robid.models.rigid.judge.validating import validate_rigid
-from robid.results.fitted import Fitted, options_from
+from robid.results.fitted import Fitted
+from robid.results.options import options_from
 from robid.robot.description import Robot
 from robid.signals.record import Record
 

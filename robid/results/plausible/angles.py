@@ -83,7 +83,9 @@ def judge_angles(robot: Robot, evidence: Evidence) -> Angles:
     allowed = (placed_within + _SWINGS * swing)[:, told]
     means = _Means(names, [units[index] for index in told], stated[:, told], logged[:, told], allowed)
     findings, slopes, more, placed = _explain(means)
-    sign[told] = np.sign(slopes) * (np.abs(np.abs(slopes) - 1) < 0.5)
+    # Near zero, an angle and the reversed one agree alike.
+    telling = (2 * np.abs(means.stated) > means.allowed).any(axis=0)
+    sign[told] = np.sign(slopes) * (np.abs(np.abs(slopes) - 1) < 0.5) * telling
     fits[told] = np.abs(np.abs(slopes) - 1) < _LEAST_SLOPE
     return Angles(findings, notes + more, sign, fits, placed)
 

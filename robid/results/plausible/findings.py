@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.frf.frf import Frf
 from robid.frf.quality import FEW_SAMPLES, DrivingPoints, undeclared_delay
-from robid.results.finding import Finding, saturation_findings, two_digits
+from robid.results.finding import CAUSES, Finding, saturation_findings, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.evidence import CLEAR, Evidence, Fitted, gather_evidence
 from robid.results.plausible.gravity import gravity_signs, judge_gravity, judge_places, weigh
@@ -65,8 +65,12 @@ def judge_signs(robot: Robot, evidence: Evidence, angle_sign: FloatArray, torque
     weight = np.full(seen.shape, _COUPLING_WEIGHT)
     np.fill_diagonal(weight, 1.0)
     angle, torque = _signs(weight * seen, _OTHER_WEIGHT * angle_sign, _OTHER_WEIGHT * torque_sign)
+    # A torque and an angle differ in the couplings to other motors, and in what their means say.
+    others = np.abs(seen) * ~np.eye(len(seen), dtype=bool)
+    distinguished = (others.sum(axis=0) + others.sum(axis=1) > 0) | (angle_sign != 0) | (torque_sign != 0)
     findings = [
-        _finding("torque_sign", evidence, index, seen, torque_sign) for index in np.flatnonzero(torque < 0).tolist()
+        _finding("torque_sign", evidence, index, seen, torque_sign, alone=not distinguished[index])
+        for index in np.flatnonzero(torque < 0).tolist()
     ]
     findings += [
         _finding("angle_sign", evidence, index, seen, angle_sign) for index in np.flatnonzero(angle < 0).tolist()
@@ -162,10 +166,14 @@ def _signs(seen: FloatArray, angle: FloatArray, torque: FloatArray) -> tuple[Flo
     return signs if best > float(seen.sum() + torque.sum() + angle.sum()) + _MARGIN else (np.ones(n_motor),) * 2
 
 
-def _finding(cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray) -> Finding:
+def _finding(
+    cause: str, evidence: Evidence, index: int, seen: FloatArray, other: FloatArray, *, alone: bool = False
+) -> Finding:
+    """Says what shows a wrong sign; `alone` where neither couplings nor means distinguish torque and angle."""
     name, own = evidence.names[index], seen[index, index]
     if own < 0:
         told = f"{name}: at low lines its angle turns against its torque ({own:.2g} of a rigid arm's response)"
+        told += f", and nothing in these data distinguishes that from {CAUSES['angle_sign']}" if alone else ""
     elif other[index] < 0 and cause == "torque_sign":
         told = f"{name}: its mean torque pulls against gravity's load in the wrong direction"
     elif other[index] < 0:

@@ -191,7 +191,9 @@ def _limits(robot: RobotFile) -> Iterator[str]:
 
 
 def _told(value: float) -> str:
-    return f"{value:g} looks like radians, but is taken for degrees: {value:g} rad are {math.degrees(value):.5g} deg"
+    return (
+        f"S581 {value:g} looks like radians, but is taken for degrees: {value:g} rad are {math.degrees(value):.5g} deg"
+    )
 
 
 def _is_wide(joint: JointSection) -> bool:

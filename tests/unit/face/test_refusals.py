@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 import robid
+from exact_systems import two_mass_robot
 
 STEP_S, N = 1e-3, 500
 LINES_HZ = np.arange(10, 41) * 2.0
+ARM = robid.RobotModel(two_mass_robot(), STEP_S)
 
 
 def record(seed=1, **changed):
@@ -42,9 +44,11 @@ def test_the_first_value_that_is_no_number_is_said():
 def test_a_fit_is_not_validated_on_what_it_has_read():
     responses = robid.estimate_frf(record())
     again = robid.estimate_frf(record())
-    for other in (responses, again, [responses]):
+    for other in (responses, again):
         with pytest.raises(robid.DataError, match="D500"):
-            robid.fit_model("elastic", responses, validate_on=other)
+            robid.fit_model("elastic", ARM, responses, validate_on=other)
+    with pytest.raises(robid.DataError, match="D500"):
+        robid.fit_model("rigid", ARM, [record(), record(2)], validate_on=[record(2)])
 
 
 def test_records_and_responses_say_what_they_are_in_two_lines():

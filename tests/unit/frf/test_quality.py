@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.frf.quality import dropped_lines, judge, known_response, lowest, middle
+from robid.frf.quality import dropped_lines, judge, lowest, middle
 from sample_reports import arm_fit, synthetic_frf
 from tolerances import IDENTITY
 
@@ -48,7 +48,7 @@ def test_dropped_lines_count_nowhere(frf):
     coherence = np.where(dropped, np.nan, frf.coherence)
     gap = replace(frf, dropped=dropped, coherence=coherence)
     assert dropped_lines(gap).nonzero() == ([1], [2], [0])
-    assert np.isnan(known_response(gap)).sum() == 2
+    assert np.isnan(gap.known_response).sum() == 2
     quality = judge(gap)
     assert np.isnan(quality.relative_std[1, 2]).all()
     assert np.isnan(quality.coherence[1, 2]).all()

@@ -4,7 +4,7 @@ import re
 from dataclasses import replace
 
 import pytest
-from rich.console import Group
+from rich.console import Console, Group
 from rich.text import Text
 
 from robid.models.elastic.page.report import fit_tables
@@ -156,3 +156,14 @@ def test_a_table_of_a_page_keeps_its_first_columns_and_wraps_its_sentences(width
     assert len(gone) < 12
     assert "page" in where
     assert all(f"{row}.00000 %" in text for row in range(4))
+
+
+def test_what_is_said_of_a_column_goes_with_it():
+    columns = [Column("name", numbers=False), Column("value"), Column("nominal", leaves=1, note="a: assumed")]
+    table = TerminalTable(columns)
+    table.add("gear_of_the_base", "1234567.8", "a 1234567.8")
+    wide, narrow = Console(width=60, force_terminal=True), Console(width=30, force_terminal=True)
+    for console, told in ((wide, True), (narrow, False)):
+        with console.capture() as captured:
+            console.print(table)
+        assert ("a: assumed" in captured.get()) is told

@@ -7,6 +7,7 @@ import pytest
 
 from robid.errors import SettingsError
 from robid.models.known import load_experiment
+from robid.settings.load import load_robot
 
 ROBOT = """schema_version: 2
 name: arm
@@ -176,3 +177,19 @@ def test_a_key_like_no_other_is_told_in_a_line_that_can_be_read(refused, old, ne
     (told,) = refused((old, new))
     assert "S380 unknown key; known here: `" in told
     assert len(told) < 300
+
+
+def test_a_mistake_in_every_joint_is_told_once_with_the_others(tmp_path):
+    joint = ROBOT[ROBOT.index("  - &joint") : ROBOT.index("  - {<<")].replace("&joint\n    ", "")
+    joints = "".join(joint.replace("name: one", f"name: j{number}") for number in range(1, 8))
+    head, tail = ROBOT[: ROBOT.index("  - &joint")], "sensors: []\n"
+    (tmp_path / "robot.yaml").write_text(head + joints.replace("gear_ratio:", "gear_ration:") + tail)
+    with pytest.raises(SettingsError) as refused:
+        load_robot(tmp_path / "robot.yaml")
+    lines = refused.value.what.splitlines()
+    assert len(lines) == 1
+    assert "joints[1].motor.gear_ration" in lines[0]
+    assert "`joints[2].motor.gear_ration`" in lines[0]
+    assert "and 3 more" in lines[0]
+    first = next(at for at, row in enumerate((head + joints).splitlines(), 1) if "gear_ratio" in row)
+    assert lines[0].startswith(f"{tmp_path / 'robot.yaml'}:{first}:")

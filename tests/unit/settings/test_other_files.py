@@ -14,6 +14,7 @@ from robid.errors import SettingsError
 from robid.fleet.manifest import read_manifest
 from robid.models.known import load_experiment
 from robid.settings.load import load_robot
+from robid.settings.other_files import refuse_no_log
 
 CONFIGS = Path(__file__).parents[3] / "configs"
 MODEL = """<mujoco><compiler angle="radian"/><worldbody><body name="arm"><joint name="turn" axis="0 0 1" range="-1 1"
@@ -161,3 +162,34 @@ def test_a_forgotten_robot_is_told_once(folder, written):
     message = refused(load_experiment, folder / "drive.yaml")
     assert "robot: S147 is missing" in message
     assert "`campaigns.estimation.source` (a simulation)" in message
+
+
+URDF = '<?xml version="1.0"?>\n<robot name="a"><link name="b"/></robot>\n'
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "told"),
+    [
+        ("robot.yaml", (CONFIGS / "robots/tx40.yaml").read_text("utf-8"), "a robot file"),
+        ("drive.yaml", (CONFIGS / "drive.yaml").read_text("utf-8"), "an experiment file"),
+        ("arm.urdf", URDF, "a URDF"),
+        ("arm.xml", '<mujoco model="a"/>', "an MJCF"),
+        ("report.html", "<!doctype html>\n<html></html>", "a page"),
+    ],
+)
+def test_inspect_names_a_file_that_is_neither_artifact_nor_log(tmp_path, capsys, name, text, told):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    assert run_command(["inspect", str(path)]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert f"S580 is {told}," in said
+    assert "remedy:" in said
+    assert "D085" not in said
+
+
+def test_a_log_of_text_is_none_of_them(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("time,joints\n0,1\n1,2\n", encoding="utf-8")
+    refuse_no_log(path)
+    for log in CONFIGS.glob("**/*.csv"):
+        refuse_no_log(log)

@@ -17,18 +17,22 @@ def middle_sentence(rows: Sequence[MiddleRow]) -> str:
     springs = [row for row in rows if row.kind == "stiffness"]
     causes = dict.fromkeys(row.by[0][1] for row in springs)
     told = [_of_cause([row for row in springs if row.by[0][1] == cause]) for cause in causes]
-    return f"What is known beforehand moves middles of intervals off the estimate: {'; '.join(told)}." if told else ""
+    return f"Where physical value and estimate differ: {'; '.join(told)}." if told else ""
 
 
 def _of_cause(rows: Sequence[MiddleRow]) -> str:
     """Parameters whose middles one kind of nuisance moves most, and by how much in the median."""
     first, more = rows[0], len(rows) - _NAMED
     names = ", ".join(row.name for row in rows[:_NAMED]) + (f" and {more} more" if more > 0 else "")
-    settled = f"; {first.settled_by} would tell" if first.settled_by else ""
-    middle = percent(median(row.moved for row in rows), signed=True)
+    settled = f"; {first.settled_by} would show it" if first.settled_by else ""
+    moved = median(row.moved for row in rows)
+    size = f"{percent(abs(moved))} {'above' if moved > 0 else 'below'} the estimate"
     outside = ", ".join(row.name for row in rows if row.outside)
     apart = f"; the estimate of {outside} lies outside its interval" if outside else ""
-    return f"{names} by {middle} (for {first.by[0][0]} and the like{settled}{apart})"
+    return (
+        f"{names}, {size}, because the robot file allows for {first.by[0][0]} and the like, which the data do not"
+        f" show{settled}{apart}"
+    )
 
 
 def middle_section(rows: Sequence[MiddleRow]) -> tuple[Section, ...]:

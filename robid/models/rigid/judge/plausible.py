@@ -20,7 +20,7 @@ from robid.models.rigid.judge.motors import (
 )
 from robid.models.rigid.judge.trials import Trial
 from robid.results.estimate import Estimate
-from robid.results.finding import Finding, two_digits
+from robid.results.finding import CAUSES, Finding, two_digits
 from robid.results.grade import Grade
 from robid.robot.description import Robot
 from robid.robot.regressor.drives import acts_along
@@ -116,7 +116,8 @@ def _signs(robot: Robot, solution: RigidSolution, names: Sequence[str]) -> Itera
         return
     for name, evidence in found:
         # What a wrong sign leaves unexplained is its doing, so it is to blame first.
-        yield Finding("torque_sign", f"{name}: {' and '.join(evidence)}", decisive=True, strength=_TO_BLAME)
+        told = f"{name}: {' and '.join(evidence)}; {CAUSES['angle_sign']} may look the same"
+        yield Finding("torque_sign", told, decisive=True, strength=_TO_BLAME)
 
 
 def _driving(robot: Robot, solution: RigidSolution, joint: int) -> tuple[list[str], bool]:

@@ -40,7 +40,7 @@ def friction_section(content: RigidContent) -> tuple[Section, ...]:
     at_motor = ("Motor side" if beside else "Estimate", interval, "Unit") if beside or not known else ()
     sides = (bool(at_joint), bool(at_motor))
     columns: tuple[ColumnStyle, ...] = ("strong", "number", "unit")
-    heads = ("Friction of", *at_joint, *at_motor, "Predicts ±")
+    heads = ("Friction of", *at_joint, *at_motor, "Estimate ±")
     styles: tuple[ColumnStyle, ...] = ("name", *(columns * sum(sides)), "number")
     table = Table(heads, tuple(_rows(content, rows, sides)), caption=_SIDES if known and beside else "", styles=styles)
     return (Section("Friction", _lead(content, rows), (table,), "friction"),)

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from exact_systems import NO_PAYLOAD, exact_frf, linear_axis, two_joint_robot
+from exact_systems import NO_PAYLOAD, exact_frf, linear_axis, two_joint_robot, two_mass_robot
 from robid.design.excitation.lines import choose_lines
 from robid.frf.estimate import estimate_frf
 from robid.frf.joined import join
@@ -412,3 +412,14 @@ def test_no_mass_is_told_that_cannot_be():
         for finding in findings
         if "times the mass" in finding.message and float(finding.message.partition("carry ")[2].split()[0]) > 3
     ]
+
+
+def test_a_reversed_angle_that_nothing_distinguishes_from_a_torque_is_named_too():
+    drive = two_mass_robot()
+    frf = relative(exact(drive, np.zeros((1, 1))))
+    for turned in (torque_reversed, angle_reversed):
+        (finding,) = data_findings(drive, turned(frf, 0))
+        assert "F001" in finding.sentence
+        assert "F002" in finding.sentence
+    for finding in data_findings(two_joints(), torque_reversed(exact(), 1)):
+        assert "F002" not in finding.sentence
