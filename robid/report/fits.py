@@ -10,6 +10,7 @@ from robid.report.numbers import MISSING
 from robid.report.page import FitReport
 from robid.report.parameter_section import count_identified
 from robid.report.section import Cell, ColumnStyle, Table
+from robid.robot.parameters import FRICTION_KIND
 
 _STYLES: tuple[ColumnStyle, ...] = ("name", "text", "text", "number", "number", "text", "text")
 _LEAVES = ("Limit", "Identified", "Fitted to", "Validated on", "Worst error, new data")
@@ -27,13 +28,14 @@ def fits_table(fits: Sequence[FitReport]) -> Table | None:
 
 def _row(number: int, fit: FitReport) -> tuple[str | Cell, ...]:
     basis = fit.basis
+    own = [row for row in fit.parameters if row.kind != FRICTION_KIND]
     first = f"#fit-{number}-{fit.sections[0].anchor}" if fit.sections else ""
     return (
         Cell(fit.headline.name, link=first),
         Cell(_GRADES[fit.grade], _MARKS.get(fit.grade, "")),
         basis.error or MISSING,
         basis.limit or MISSING,
-        f"{count_identified(fit.parameters)} of {len(fit.parameters)}" if fit.parameters else MISSING,
+        f"{count_identified(own)} of {len(own)}" if own else MISSING,
         ", ".join(basis.fitted) or MISSING,
         basis.validated or "not validated",
     )
