@@ -37,6 +37,11 @@ def remove_leftovers(folder: Path, resumable: Collection[Path]) -> None:
                 remove_parts(path)
 
 
+def parts_of(artifact: Path) -> Path:
+    """The folder of an artifact's parts."""
+    return artifact.with_name(artifact.name + PARTS)
+
+
 def remove_parts(folder: Path, *, keep: str | None = None) -> None:
     """Removes parts but those with this end of their names, and their folder if it is empty; other files stay."""
     if not folder.is_dir():

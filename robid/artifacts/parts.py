@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
-from robid.artifacts.atomic import PARTS, remove_parts, replacing
+from robid.artifacts.atomic import parts_of, remove_parts, replacing
 from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
 from robid.artifacts.store import (
     Header,
@@ -42,7 +42,7 @@ class Parts:
 
     def __init__(self, artifact: Path, kind: Kind, key: str) -> None:
         self._artifact = artifact
-        self.folder = artifact.with_name(artifact.name + PARTS)
+        self.folder = parts_of(artifact)
         self._kind = kind
         self._suffix = f".{key[:16]}.h5"
         remove_parts(self.folder, keep=self._suffix)

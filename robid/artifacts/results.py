@@ -40,6 +40,7 @@ with later(__name__):
 
 MODEL = Kind("model", "2.7", "robid fit")
 VALIDATION = Kind("validation", "3.3", "robid validate")
+START = Kind("start", "1.0", "robid fit")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]
 

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from robid.artifacts.artifact import Artifact
+    from robid.artifacts.artifact import Artifact, Kind
+    from robid.artifacts.parts import Parts
     from robid.backends.map import Map, Progress
     from robid.frf.frf import Frf
     from robid.report.page import FitReport
@@ -57,6 +58,8 @@ class Work:
 
     map: Map
     progress: Progress
+    # Makes the folder of what an unfinished fit keeps, for a kind of parts; None where it keeps nothing.
+    kept: Callable[[Kind], Parts] | None = None
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 from robid.artifacts.artifact import Artifact
+from robid.artifacts.atomic import parts_of, remove_parts
 from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.parts import Parts
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.errors import SettingsError
@@ -55,9 +58,11 @@ def data_of(loaded: LoadedExperiment, name: str, frfs: Sequence[Frf], records: t
 def run(job: Job) -> str:
     """Fits a model; returns its key figures."""
     family, data = family_of(job.loaded, job.owner), read_data(job.loaded, job.owner, job.inputs)
-    model = family.fit(data, Work(job.map, job.progress))
+    kept = partial(Parts, job.output, key=job.key)
+    model = family.fit(data, Work(job.map, job.progress, kept))
     made = replace(model, provenance=job.provenance(family.seed(data.settings)))
     write_artifact(job.output, made)
+    remove_parts(parts_of(job.output))
     return family.phrase(made)
 
 

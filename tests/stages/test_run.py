@@ -290,6 +290,45 @@ def test_a_stopped_run_resumes_and_gives_the_same_content(shop, number, code):
     assert shop.contents()[record] == shop.contents(shop.folder / "other")[record]
 
 
+def test_a_killed_fit_goes_on_with_the_starts_that_are_left_and_gives_the_same_content(done):
+    done.change("starts: 2", "starts: 60")
+    command = [sys.executable, "-m", "robid", "fit", "small.yaml"]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    model = done.runs / "fits" / "elastic" / "model.h5"
+    parts = model.with_name("model.h5.parts")
+    model.unlink()
+
+    def kill_after(count, *options):
+        process = subprocess.Popen(
+            [*command, *options], env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
+        )
+        deadline = time.monotonic() + 60
+        while len(list(parts.glob("*.h5"))) < count:
+            assert process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        process.kill()
+        process.communicate(timeout=60)
+        return len(list(parts.glob("*.h5")))
+
+    ended = kill_after(2)
+    assert ended < 60
+    answer = done.robid("fit", "small.yaml")
+    assert answer.code in (0, 5), answer.err
+    assert f"{ended} of 60 starts are there from an earlier run" in answer.err
+    assert not parts.exists()
+    resumed = done.contents()["fits/elastic/model.h5"]
+    assert done.robid("fit", "small.yaml", "--force").code == answer.code
+    assert done.contents()["fits/elastic/model.h5"] == resumed
+    # With other settings nothing of an earlier run counts.
+    kill_after(1, "--force")
+    model.unlink()
+    done.change("starts: 60", "starts: 5")
+    answer = done.robid("fit", "small.yaml")
+    assert "from an earlier run" not in answer.err
+    assert not parts.exists()
+
+
 def test_a_fit_that_has_not_converged_is_saved_and_exits_5(shop):
     shop.change("starts: 2", "starts: 2, max_iterations: 1")
     answer = shop.robid("run", "small.yaml")

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.results import grade_from_artifact, outcome_from_artifact
+from robid.artifacts.results import START, grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
@@ -24,6 +23,7 @@ from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.power import detectable_defects
 from robid.models.elastic.judge.resonances import tabulate_resonances
 from robid.models.elastic.judge.validating import validate_elastic
+from robid.models.elastic.kept_starts import count_ended, resuming_map
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Data, Work
 from robid.models.handed_on import RigidSource, rigid_source
@@ -55,15 +55,15 @@ def refit(data: Data, model: Artifact, work: Work) -> Artifact:
 def _fitted(data: Data, work: Work, near: Mapping[str, float] | None) -> Artifact:
     settings, campaign = elastic_fit(data.loaded.experiment, data.name), _campaign(data)
     repeated = bootstrap_tasks(settings.bootstrap)
-    work.progress.expect(settings.starts + repeated, "tasks" if repeated else "starts")
-
-    def told(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
-        return work.map(function, tasks, lambda _index, _result: work.progress.advance())
-
+    kept = None if work.kept is None or near is not None else work.kept(START)
+    unit = "tasks" if repeated else "starts"
+    work.progress.expect(settings.starts + repeated, unit, done=count_ended(kept, settings.starts))
     robot, delay = _robot(data, campaign), delay_s(data.loaded, campaign)
     perturbed = _perturbed(data, campaign)
     try:
-        solution = fit_elastic(robot, data.response, settings.options(), delay, told, perturbed, near)
+        solution = fit_elastic(
+            robot, data.response, settings.options(), delay, resuming_map(work, kept), perturbed, near
+        )
     except DataError as error:
         raise blamed(error, data_findings(robot, data.response, delay)) from error
     work.progress.expect(0, "intervals and findings")

@@ -173,7 +173,7 @@ def fit_elastic(
     problem, dropped = set_up(robot, frf, options, delay_s)
     predicted = _predicted_std(problem)
     check_influence(problem)
-    ends: list[Minimum] = parallel_map(_descend, _tasks(problem, robot, options, delay_s, near))
+    ends: list[Minimum] = parallel_map(descend, _tasks(problem, robot, options, delay_s, near))
     best = min(ends, key=lambda end: end.cost)
     begun = _Reached(problem, dropped, best, options, partial(set_up, robot, frf, options, delay_s))
     reached = _on_better_sides(_update(begun, np.zeros(predicted.size)))
@@ -345,6 +345,7 @@ def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[Float
     return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 
 
-def _descend(task: _Task) -> Minimum:
+def descend(task: _Task) -> Minimum:
+    """Descends from one start."""
     strategy, start, straight_too = task
     return strategy.descend(start, straight_too=straight_too)
