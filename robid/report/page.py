@@ -85,10 +85,10 @@ class ReportContent:
     title: str  # title of the page, usually the experiment's name
     verdict: Verdict  # the answer in one line
     robot: str  # name of the robot
-    fits: Table | None = None  # the fits, a row each
     headlines: tuple[Headline, ...] = ()  # what stands at the top about each fit, the most important first
     warnings: tuple[str, ...] = ()  # what the reader must know before using a number
     sections: tuple[Section, ...] = ()  # everything below
+    fits: Table | None = None  # the fits, a row each
 
 
 def fit_sections(fits: tuple[FitReport, ...]) -> tuple[Section, ...]:

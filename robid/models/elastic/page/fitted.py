@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from robid.errors import DataError
 from robid.models.elastic.files import new_resonances_from_artifact, resonances_from_artifact
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fitting import model_at
 from robid.models.elastic.judge.modes import ArmModes, arm_modes
 from robid.models.elastic.judge.residuals import line_residuals
 from robid.models.elastic.judge.resonances import ResonanceTable
-from robid.models.elastic.settings import elastic_fit
+from robid.models.elastic.settings import ElasticFit, elastic_fit
 from robid.models.family import Shown
 from robid.results.residuals import LineResiduals
 
@@ -40,11 +41,19 @@ class FittedViews:
 def fitted_views(shown: Shown, solution: ElasticSolution) -> FittedViews:
     """Evaluates a fitted model on its own data and on those of its validation.
 
-    Nothing is found where a fit took something of another one that is not there any more.
+    Nothing is found where a fit took something of another one that is not there any more, or where no robot can have
+    the fitted values, as after a fit to data in wrong units.
     """
     settings = elastic_fit(shown.data.loaded.experiment, shown.data.name)
     if not settings.takes.keys() <= shown.data.taken.keys():
         return FittedViews()
+    try:
+        return _views(shown, solution, settings)
+    except DataError:
+        return FittedViews()
+
+
+def _views(shown: Shown, solution: ElasticSolution, settings: ElasticFit) -> FittedViews:
     fitted = model_at(shown.data, solution, settings.campaign)
     springs = tuple(spring.name for spring in fitted.robot.springs)
     own = FittedViews(
