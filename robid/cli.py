@@ -286,7 +286,7 @@ def compare_frfs(
     responses: Annotated[
         list[str],
         typer.Argument(
-            metavar="RUN... or RESPONSE...",
+            metavar="RESULT...",
             help="Two run folders, as runs/kr300 (RUN:FIT for one of its fits); or two to six responses, each"
             " EXPERIMENT.yaml:CAMPAIGN (its run folder is runs/<name>) or a frf.h5; the first is the reference.",
         ),
