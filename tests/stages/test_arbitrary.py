@@ -239,7 +239,7 @@ def test_lines_are_found_over_all_configurations_and_weak_ones_left_out_where_th
             savemat(shop.folder / "logs" / f"{configuration}{experiment}.mat", columns)
     told = run(shop)
     assert "Lines found to be excited: 5-49 by 2, 23 of 59 of the band." in told
-    assert "too little was told of turn at 3 of 23 lines (15, 17, 33 Hz)" in " ".join(told.split())
+    assert "too little is known of turn at 3 of 23 lines (15, 17, 33 Hz)" in " ".join(told.split())
     frf = found(shop)
     np.testing.assert_array_equal(frf.lines, lines)
     assert not frf.dropped[0].any()

@@ -1,4 +1,3 @@
-import html
 import json
 import re
 from dataclasses import replace
@@ -6,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from page_words import said
 from robid.artifacts.kinds import (
     DESIGN,
     EXCITATION,
@@ -48,7 +48,7 @@ def test_the_stages_one_by_one_give_what_run_gives_and_the_page_tells_what_they_
         assert answer.code == 0, answer.err
         assert answer.json["outcome"] == "made"
         told.append(answer.json["text"].rpartition(" (")[0].partition(" in all")[0])
-    page = html.unescape((done.folder / "single" / "report.html").read_text())
+    page = said((done.folder / "single" / "report.html").read_text())
     for text in told[:-1]:
         assert text in page
     assert done.contents(done.folder / "single") == done.contents()
@@ -119,9 +119,9 @@ def test_the_first_command_of_a_remedy_works_where_nothing_is_there_yet(shop):
 
 
 def test_status_says_where_the_run_folder_is(shop):
-    told = shop.robid("status", "small.yaml").out.splitlines()[-1]
+    told = shop.robid("status", "small.yaml").out
     assert "runs/small" in told
-    elsewhere = shop.robid("status", "small.yaml", "--run-dir", "other").out.splitlines()[-1]
+    elsewhere = shop.robid("status", "small.yaml", "--run-dir", "other").out
     assert "other" in elsewhere
 
 

@@ -276,7 +276,7 @@ def test_the_report_shows_it_and_the_summary_counts_it(made, case, tmp_path):
     done = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True)
     told = [line for line in done.stderr.splitlines() if "CONSOLE" in line]
     assert [line for line in told if "willReadFrequently" not in line] == []
-    assert re.search(rf"<h\d[^>]*>\s*{case.section}", done.stdout)
+    assert re.search(rf"<h\d[^>]*>\s*(<a[^>]*>)?{case.section}", done.stdout)
 
 
 IN_MEMORY = {

@@ -330,7 +330,11 @@ def test_the_page_draws_every_signal(shop):
     data = json.loads(page.partition('<script type="application/json" id="data">')[2].partition("</script>")[0])
     assert len(data["figures"]) == 2 * len(columns)
     amplitude = data["figures"][1]["curves"][0]
-    at = [frequency for frequency, size in zip(amplitude["x"], amplitude["y"], strict=True) if size > 0.5]
+    at = [
+        frequency
+        for frequency, size in zip(amplitude["x"], amplitude["y"], strict=True)
+        if size is not None and size > 0.5
+    ]
     assert (min(at), max(at)) == (10, 198)
     assert "Proposed mapping" in page
 

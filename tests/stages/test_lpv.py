@@ -42,7 +42,7 @@ def made(shop, finished):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("choose_on: [4]", "choose_on: [1]", "lift = 0°: D176 The model holds from lift = 10° to lift = 50°"),
+        ("choose_on: [4]", "choose_on: [1]", "lift = 0°: D176 The model is valid from lift = 10° to lift = 50°"),
         ("order: 3", "order: 7", "too few for 7 states. remedy: Measure more lines, or lower `order` to 6 at most"),
         ("order: 3", "order: 5", "°: D172"),
     ],
@@ -57,7 +57,7 @@ def test_a_validation_outside_the_range_is_refused(made):
     made.change("[[20, 30]]", "[[20, 60]]")
     answer = made.robid("run", "small.yaml")
     assert answer.code == 4
-    assert "lift = 60°: D176 The model holds from lift = 0° to lift = 30°" in answer.flat
+    assert "lift = 60°: D176 The model is valid from lift = 0° to lift = 30°" in answer.flat
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ def bench(workshop, tmp_path, monkeypatch, data_folder):
 def test_the_motor_bench_is_validated_on_another_part_of_its_recording(bench):
     answer = bench.robid("run", "motor_bench.yaml")
     assert answer.code in (0, 5), answer.err
-    assert "on new data of the configuration of the fit" in answer.flat
+    assert "new data of the configuration of the fit" in answer.flat
     assert "nothing was tested in others" in (bench.runs / "report.html").read_text()
     assert bench.states()["fits/two_mass/validation.h5"][0] == "fresh"
 

@@ -68,7 +68,7 @@ def test_a_notch_of_one_motor_costs_its_responses_there_and_no_others(estimator)
     np.testing.assert_array_equal(frf.dropped[0], lost)
     assert np.isinf(frf.element_variance()[0][lost[:, None].repeat(2, axis=1)]).all()
     assert np.isinf(frf.error_radius(0.95)[0, 10, :, 1]).all()
-    told = [note for note in frf.notes if "too little was told" in note]
+    told = [note for note in frf.notes if "too little is known" in note]
     assert "of second at 3 of 50 lines (6.1, 6.5, 14.1 Hz)" in told[0]
     whole = exact(frf.frequency_hz)
     inside = np.abs(frf.response[0] - whole) <= frf.error_radius(0.95)[0]

@@ -128,7 +128,7 @@ def test_the_loop_closes_everywhere_and_an_open_one_is_refused(tmp_path):
     assert gaps.max() < 1e-12
     for change, told in (
         (lambda d: d["loop_links"][0].update(turns={"arm": 1}), "S252"),
-        (lambda d: d["loop_links"][1]["frame"].update(position_m=[-0.13, 0, 0]), "up to 10 mm from where it is held"),
+        (lambda d: d["loop_links"][1]["frame"].update(position_m=[-0.13, 0, 0]), "up to 10 mm from where it is fixed"),
         (lambda d: d["loop_links"][1].update(parent="crnk"), "did you mean `crank`"),
         (lambda d: d["loop_links"][1].update(turns={"elbow": 1}), "there is no joint `elbow`"),
         (lambda d: d["loop_links"][1]["pin"].update(joint="crank"), "there is no joint `crank`"),

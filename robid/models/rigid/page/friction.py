@@ -10,12 +10,13 @@ from robid.report.numbers import percent, pretty_unit, scale_for
 from robid.report.parameters import ParameterRow, parameter_line
 from robid.report.section import ColumnStyle, Row, Section, Table
 from robid.robot.description import Joint
+from robid.robot.parameters import PARAMETER_KINDS
 
 _TITLES = {
-    "coulomb": "Coulomb friction",
+    "coulomb": PARAMETER_KINDS["coulomb"].title,
     "viscous": "Viscous friction",
-    "quadratic_viscous": "Friction with the square of the speed",
-    "load_friction": "Friction per motor torque",
+    "quadratic_viscous": PARAMETER_KINDS["quadratic_viscous"].title,
+    "load_friction": PARAMETER_KINDS["load_friction"].title,
     "coupling_coulomb": "Coulomb friction of coupled gears",
     "coupling_viscous": "Viscous friction of coupled gears",
 }

@@ -61,7 +61,7 @@ def test_parquet_has_nested_columns_lists_gaps_and_times(tmp_path):
     np.testing.assert_array_equal(find_variable(variables, "gap"), [0, np.nan, 2, 3, 4])
     np.testing.assert_allclose(find_variable(variables, "when"), np.arange(5) * 1e-3, atol=1e-12)
     assert variables.units == {"gap": "N m", "when": "s"}
-    refuse(variables, "word", "holds string")
+    refuse(variables, "word", "contains string")
     refuse(variables, "ragged(:,1)", "several lengths")
 
 

@@ -19,7 +19,7 @@ def test_matrices_at_a_position_are_sums_of_their_blocks():
 
 
 def test_outside_the_range_there_is_no_model():
-    with pytest.raises(DataError, match=r"holds from -1 to 1, not at 1\.2"):
+    with pytest.raises(DataError, match=r"is valid from -1 to 1, not at 1\.2"):
         MODEL.frozen_response(np.array([[1.2]]), FREQUENCY)
 
 

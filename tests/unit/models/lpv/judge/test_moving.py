@@ -71,7 +71,7 @@ def test_integrators_are_put_back_behind_the_moving_part(motion):
 
 
 def test_a_parameter_outside_the_range_is_refused(motion):
-    with pytest.raises(DataError, match="holds from -1 to 1"):
+    with pytest.raises(DataError, match="is valid from -1 to 1"):
         simulated((motion[0], 1.5 * motion[1]))
 
 

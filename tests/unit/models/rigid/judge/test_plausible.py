@@ -221,7 +221,7 @@ def test_a_validation_that_repeats_the_fits_motion_cannot_generalise(robot, shot
     again = shot_along(robot, fourier_motion(robot, N_SAMPLE), seed=1)
     same = validate_rigid(robot, solution, [again], OPTIONS)
     assert same.same_motion
-    assert "on the motion of its fit" in same.outcome.verdict
+    assert "the motion of its fit" in same.outcome.verdict
     assert any("says nothing of other motions" in finding.message for finding in same.outcome.grade.findings)
     other = validate_rigid(robot, solution, [shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))], OPTIONS)
     assert not other.same_motion
