@@ -24,7 +24,7 @@ from robid.report.experiment import (
 )
 from robid.report.page import ReportContent, Verdict, fit_sections
 from robid.report.parameters import Estimates, ParameterRow
-from robid.results.residuals import compare_lines
+from robid.results.line_residuals import compare_lines
 from robid.signals.quantities import motor_channels
 
 AXES = tuple(f"axis_{number}" for number in range(1, 7))

@@ -131,8 +131,8 @@ def _sides(named: Sequence[str], output: Path | None) -> tuple[_Side, _Side]:
     check_output(output)
     others = [name for name in named if not _folder(name)[0].is_dir()]
     if len(named) != 2 or others:
-        told = f"{len(named)} names" if not others else f"`{others[0]}`, which is no run folder,"
-        what = f"S587 two run folders are compared with each other; {told} cannot be"
+        told = f"`{others[0]}` is no run folder" if others else f"{len(named)} run folders are named"
+        what = f"S587 {told}: a run is compared with one other run"
         remedy = "name two run folders, as runs/kr300, or responses alone, as EXPERIMENT.yaml:CAMPAIGN"
         raise SettingsError(what, where="compare", remedy=remedy)
     folders = [_folder(name) for name in named]

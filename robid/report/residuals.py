@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.report.section import Beside, Choice, Curve, Figure, Line, Part, Section
-from robid.results.residuals import LineResiduals, root_mean_square
+from robid.results.line_residuals import LineResiduals, root_mean_square
 
 _SHADES, _MOST = 5, 10  # Shades of outputs, each solid and dashed
 _INK = 5

@@ -11,6 +11,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, Quantity
 from robid.results.estimate import Estimate
 from robid.results.grade import Grade
+from robid.robot.parameters import FRICTION_KIND
 
 _SPRING_TOLERANCE = 0.02
 
@@ -28,6 +29,15 @@ class Recovery:
     ]
     covered: Annotated[BoolArray, Quantity("1", "known", "Whether the interval contains the truth")]
     identifiable: Annotated[BoolArray, Quantity("1", "known", "Whether the parameter counts as identifiable")]
+
+    @property
+    def contained(self) -> tuple[int, int]:
+        """How many intervals of the model's identifiable parameters contain the truth, and how many there are.
+
+        Corrections of friction are none of these, as in every other count that a reader sees.
+        """
+        of_model = self.identifiable & (np.array(self.kinds, dtype=str) != FRICTION_KIND)
+        return int(self.covered[of_model].sum()), int(of_model.sum())
 
     @property
     def coverage(self) -> float | None:
@@ -63,9 +73,9 @@ def recover(estimate: Estimate, truth: Mapping[str, float]) -> Recovery:
 
 def recovery_sentence(recovery: Recovery) -> str:
     """Says how much of the truth was found; empty where none is known."""
-    (within, known), coverage = recovery.within("stiffness", _SPRING_TOLERANCE), recovery.coverage
+    (within, known), (found, every) = recovery.within("stiffness", _SPRING_TOLERANCE), recovery.contained
     parts = [f"{within} of {known} springs within 2 %"] if known else []
-    parts += [] if coverage is None else [f"{100 * coverage:.0f} % of the intervals contain it"]
+    parts += [f"{found} of {every} intervals contain it"] if every else []
     return f"Against the truth: {', '.join(parts)}." if parts else ""
 
 

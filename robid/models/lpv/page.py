@@ -21,7 +21,7 @@ from robid.report.page import FitReport, KeyNumber
 from robid.report.parameter_section import parameter_section
 from robid.report.residuals import ResidualData, residual_section
 from robid.report.section import Beside, Choice, ColumnStyle, Curve, Figure, Line, Notes, Part, Row, Section, Table
-from robid.results.residuals import compare_lines
+from robid.results.line_residuals import compare_lines
 
 _SURFACE, _GRID = 7, 101
 

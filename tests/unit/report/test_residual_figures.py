@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.report.residuals import ResidualData, residual_section
 from robid.report.section import Figure
-from robid.results.residuals import LineResiduals
+from robid.results.line_residuals import LineResiduals
 
 HZ = np.array([1.0, 2.0, 4.0])
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from robid.models.elastic.judge.fitted import ModelAt
-from robid.results.residuals import LineResiduals
+from robid.results.line_residuals import LineResiduals
 
 
 def line_residuals(fitted: ModelAt) -> LineResiduals:

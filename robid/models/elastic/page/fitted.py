@@ -14,7 +14,7 @@ from robid.models.elastic.judge.residuals import line_residuals
 from robid.models.elastic.judge.resonances import ResonanceTable
 from robid.models.elastic.settings import ElasticFit, elastic_fit
 from robid.models.family import Shown
-from robid.results.residuals import LineResiduals
+from robid.results.line_residuals import LineResiduals
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.judge.fitted import fitted_model
 from robid.models.elastic.judge.residuals import line_residuals
-from robid.results.residuals import root_mean_square
+from robid.results.line_residuals import root_mean_square
 
 LINES = np.unique(np.round(np.geomspace(2, 60, 50), 1))
 PLACES = [[0.3, -0.4], [1.0, 0.6], [-0.8, 0.9]]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from robid.results.residuals import compare_lines, root_mean_square
+from robid.results.line_residuals import compare_lines, root_mean_square
 
 
 def test_a_residual_is_related_to_the_model_and_to_its_deviation():
