@@ -48,11 +48,6 @@ def fit_report(
     `unknown` is a sentence on what its data cannot show, `worst` its worst error on new data and the limit of that.
     """
     grade = grade_from_artifact(shown.model) if outcome is None else outcome.grade
-    if outcome is None:
-        named = shown.data.settings.validate_on is not None
-        held = "Not validated." if named else "Not validated: no campaign was named to hold it against."
-    else:
-        held = f"The model {outcome.verdict}." if outcome.ok else ""
     common = {
         "grade": float(grade.value),
         "converged": float(estimate.status == "converged"),
@@ -66,7 +61,11 @@ def fit_report(
             status=estimate.status.replace("_", " "),
             advice=estimate.advice,
         ),
-        verdict=" ".join(text for text in (grade.sentence, _told(found, estimates, grade), unknown, held) if text),
+        verdict=" ".join(
+            text
+            for text in (grade.sentence, _told(found, estimates, grade), unknown, _validated(shown, outcome))
+            if text
+        ),
         grade=grade.value,
         sections=sections,
         parameters=estimates.rows,
@@ -74,6 +73,14 @@ def fit_report(
         terminal=(parameter_table(estimates if terminal is None else terminal),),
         basis=basis_of(shown, worst),
     )
+
+
+def _validated(shown: Shown, outcome: Outcome | None) -> str:
+    """Says what the validation found where there is one; what fails it stands in the grade's sentence."""
+    if outcome is not None:
+        return f"The model {outcome.verdict}." if outcome.ok else ""
+    named = shown.data.settings.validate_on is not None
+    return "Not validated." if named else "Not validated: no campaign was named to validate it on."
 
 
 def basis_of(shown: Shown, worst: tuple[str, str]) -> Basis:

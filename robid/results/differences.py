@@ -53,32 +53,34 @@ def differences(first: Estimate, other: Estimate) -> tuple[ParameterDifference, 
         other: What the other found, of parameters in the same units.
     """
     shared = [name for name in first.names if name in other.names]
-    rows = [(first.names.index(name), other.names.index(name)) for name in shared]
-    (low, high), (low_other, high_other) = first.effective_interval, other.effective_interval
     # Half widths are quantiles of each fit's level; the limit is that of all parameters together, over it.
     level = norm.ppf(0.5 + 0.5 * min(first.confidence, other.confidence))
     limit = float(norm.ppf(1 - 0.5 * FALSE_ALARMS / max(len(shared), 1)) / level)
-    found = []
-    for row, column in rows:
-        one, two = float(first.value[row]), float(other.value[column])
-        own = (float(low[row]), float(high[row]))
-        its = (float(low_other[column]), float(high_other[column]))
-        half = np.hypot(*((own[1] - one, two - its[0]) if two >= one else (one - own[0], its[1] - two)))
-        ratio = abs(two - one) / half if half > 0 else (0.0 if two == one else np.inf)
-        found.append(
-            ParameterDifference(
-                name=first.names[row],
-                kind=first.kinds[row],
-                unit=first.units[row],
-                first=one,
-                first_interval=own,
-                second=two,
-                second_interval=its,
-                relative=two / one - 1 if one else two - one,
-                ratio=float(ratio),
-                limit=limit,
-                differs=bool(ratio > limit) if np.isfinite(half) else None,
-                identified=bool(first.identified[row] and other.identified[column]),
-            )
-        )
-    return tuple(found)
+    return tuple(_difference(first, other, name, limit) for name in shared)
+
+
+def _difference(first: Estimate, other: Estimate, name: str, limit: float) -> ParameterDifference:
+    row, column = first.names.index(name), other.names.index(name)
+    one, two = float(first.value[row]), float(other.value[column])
+    own, its = _interval(first, row), _interval(other, column)
+    half = np.hypot(*((own[1] - one, two - its[0]) if two >= one else (one - own[0], its[1] - two)))
+    ratio = abs(two - one) / half if half > 0 else (0.0 if two == one else np.inf)
+    return ParameterDifference(
+        name=name,
+        kind=first.kinds[row],
+        unit=first.units[row],
+        first=one,
+        first_interval=own,
+        second=two,
+        second_interval=its,
+        relative=two / one - 1 if one else two - one,
+        ratio=float(ratio),
+        limit=limit,
+        differs=bool(ratio > limit) if np.isfinite(half) else None,
+        identified=bool(first.identified[row] and other.identified[column]),
+    )
+
+
+def _interval(estimate: Estimate, row: int) -> tuple[float, float]:
+    low, high = estimate.effective_interval
+    return float(low[row]), float(high[row])

@@ -358,7 +358,7 @@ def _verdict(fit: FitContent, validation: Validation | None) -> str:
     if fit.usable:
         found.append(misfit_sentence(fit.estimates))
     if validation is None:
-        found.append("Not validated: no campaign was named to hold it against.")
+        found.append("Not validated: no campaign was named to validate it on.")
     else:
         # What fails the validation stands in the grade's sentence.
         found.append(f"The model {validation.outcome.verdict}." if validation.outcome.ok else "")
