@@ -79,12 +79,7 @@ class RunContent:
 
 
 def gather(
-    chain: Sequence[Stage],
-    loaded: LoadedExperiment,
-    folder: Path,
-    present: Collection[str],
-    *,
-    with_signals: bool = False,
+    chain: Sequence[Stage], loaded: LoadedExperiment, folder: Path, present: Collection[str], *, signals: bool = False
 ) -> RunContent:
     """Reads the artifacts of a run and lays them out, with what records show in time where that is asked for.
 
@@ -94,10 +89,10 @@ def gather(
     run = _read(loaded, folder, present)
     warnings = _warnings(loaded, run.frfs)
     shown = {name: _shown(loaded, folder, name, run, warnings) for name in run.models}
-    if with_signals:
+    if signals:
         shown = {name: replace(one, record=partial(_record, folder, run)) for name, one in shown.items()}
     fits, compared = _reports(loaded, shown)
-    limits = limits_sections(loaded, folder, tuple(run.shapes)) if with_signals else ()
+    limits = limits_sections(loaded, folder, tuple(run.shapes)) if signals else ()
     excitations = tuple(
         excitation_row(loaded, name, one, run.shapes[name], run.frfs.get(name)) for name, one in run.excitations.items()
     )
@@ -287,7 +282,7 @@ def _stage_rows(
 
 def run(chain: Sequence[Stage], job: Job) -> str:
     """Writes the page and its numbers on what a chain of stages has made; returns what is on it."""
-    gathered = gather(chain, job.loaded, job.folder, job.inputs, with_signals=True)
+    gathered = gather(chain, job.loaded, job.folder, job.inputs, signals=True)
     write_json(job.output.with_name("summary.json"), summarize(gathered))
     write_page(job.output, gathered.content, job.provenance())
     responses = sum(path.name == "frf.h5" for path in job.inputs.values())
