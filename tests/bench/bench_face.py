@@ -6,6 +6,7 @@ import numpy as np
 import robid
 from exact_systems import exact_frf, two_joint_robot
 from robid.artifacts.store import write_artifact
+from robid.face.robots import RobotModel
 from robid.models.elastic.files import model_of
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.resonances import tabulate_resonances
@@ -23,7 +24,7 @@ def test_parameters_of_a_run_against_reading_their_file(compare, tmp_path):
     robot = two_joint_robot()
     configurations = np.random.default_rng(2).uniform(-1, 1, (8, 2))
     frf = exact_frf(robot, configurations, np.geomspace(3, 80, 60), delay_s=1e-3, relative_noise=0.02)
-    fit = robid.fit_model("elastic", robot, frf, delay_s=1e-3)
+    fit = robid.fit_model("elastic", RobotModel(robot), frf, delay_s=1e-3)
     table = tabulate_resonances(robot, fit.found.solution, frf, ElasticOptions(), 1e-3)
     path = tmp_path / "fits" / "own" / "model.h5"
     path.parent.mkdir(parents=True)
