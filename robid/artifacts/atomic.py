@@ -21,8 +21,8 @@ from robid.errors import ArtifactError
 
 PARTS = ".parts"
 
-_PART = re.compile(r"\d{5,}\.[0-9a-f]{16}\.h5((\.[0-9a-f]{8})?\.partial)?")
-_UNFINISHED = re.compile(r".+\.(h5|json|html|xml|csv|mat|npz)(\.[0-9a-f]{8})?\.partial")
+_PART = re.compile(r"\d{5,}\.[0-9a-f]{16}\.(part|h5)((\.[0-9a-f]{8})?\.partial)?")
+_UNFINISHED = re.compile(r".+\.(h5|part|json|html|xml|csv|mat|npz)(\.[0-9a-f]{8})?\.partial")
 _PLACES = ("", "*", "*/*", "fits/*/export")
 
 
@@ -54,12 +54,13 @@ def remove_parts(folder: Path, *, keep: str | None = None) -> None:
 
 
 @contextmanager
-def replacing(path: Path, *, alone: bool = True) -> Iterator[Path]:
+def replacing(path: Path, *, alone: bool = True, lasting: bool = True) -> Iterator[Path]:
     """Yields `<name>.partial` to write to, which takes the place of `path` at the end.
 
     Args:
         path: The file.
         alone: Whether nobody else writes it now; otherwise the name is `<name>.<8 hexadecimal digits>.partial`.
+        lasting: Whether it must be on the disk before it is named: a part that a power cut spoils is made again.
 
     Raises:
         ArtifactError: If the file cannot be written; `path` is as it was.
@@ -71,9 +72,11 @@ def replacing(path: Path, *, alone: bool = True) -> Iterator[Path]:
         # One that a killed process left, or a link to something else, is not written through.
         partial.unlink(missing_ok=True)
         yield partial
-        _sync(partial)
+        if lasting:
+            _sync(partial)
         partial.replace(path)
-        _sync(path.parent)
+        if lasting:
+            _sync(path.parent)
     except OSError as error:
         what = f"A001 The file cannot be written: {error.strerror or error}."
         remedy = "check that the folder may be written to and that the disk has room"

@@ -6,7 +6,6 @@ of variable length can make it loop for ever.
 
 from __future__ import annotations
 
-import itertools
 import math
 import signal
 import threading
@@ -24,8 +23,10 @@ from robid.artifacts.artifact import Attribute, Label, digest_rows, normalise_at
 # What h5py raises on damaged files, seen by flipping bytes.
 DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, OverflowError, MemoryError)
 
+COMPRESSION_LEVEL = 1
 _LARGE_BYTES = 1 << 14
 _CHUNK_BYTES = 1 << 18
+_DENSE = 8  # Bytes of a floating-point value from which it is noise to its last digit: deflate leaves 93 % of it
 
 
 class _File:
@@ -111,29 +112,34 @@ def create_file(path: Path) -> Iterator[h5py.File]:
 def set_attributes(item: h5py.Group | h5py.Dataset, values: Mapping[str, Attribute]) -> None:
     """Writes attributes."""
     for name, value in values.items():
-        item.attrs[name] = _text_in(np.asarray(value))
+        item.attrs[name] = text_in(np.asarray(value))
 
 
 def get_attributes(item: h5py.Group | h5py.Dataset) -> dict[str, Attribute]:
     """Reads attributes."""
-    return {
-        name: normalise_attribute(name, _text_out(np.asarray(value)).tolist()) for name, value in item.attrs.items()
-    }
+    return {name: normalise_attribute(name, text_out(np.asarray(value)).tolist()) for name, value in item.attrs.items()}
+
+
+def has_large_rows(label: Label, dtype: np.dtype[Any]) -> bool:
+    """Whether the rows of a dataset are stored one by one."""
+    return label.by_row and dtype.itemsize * math.prod(label.shape[1:]) > _LARGE_BYTES
+
+
+def chunk_shape(label: Label, dtype: np.dtype[Any]) -> tuple[int, ...] | None:
+    """Chunks in which a dataset is compressed, of which none belongs to two large rows; None where it is not."""
+    dense = dtype.kind in "fc" and dtype.itemsize >= _DENSE
+    if dense or dtype.itemsize * math.prod(label.shape) <= _LARGE_BYTES:
+        return None
+    chunks = _chunks(label.shape, dtype.itemsize)
+    return (1, *chunks[1:]) if has_large_rows(label, dtype) else chunks
 
 
 def create_dataset(file: h5py.File, name: str, label: Label, dtype: np.dtype[Any]) -> h5py.Dataset:
-    """Creates a dataset to be filled; large ones in compressed chunks, of which none belongs to two large rows.
-
-    Large rows that are all the same are stored once.
-    """
-    row_bytes = dtype.itemsize * math.prod(label.shape[1:])
-    large_rows = label.by_row and row_bytes > _LARGE_BYTES
-    shape = (1, *label.shape[1:]) if large_rows and len(set(label.digests)) == 1 else label.shape
-    options: dict[str, Any] = {}
-    if dtype.itemsize * math.prod(shape) > _LARGE_BYTES:
-        chunks = _chunks(shape, dtype.itemsize)
-        chunks = (1, *chunks[1:]) if large_rows else chunks
-        options = {"chunks": chunks, "compression": "gzip", "compression_opts": 1, "shuffle": True}
+    """Creates a dataset to be filled; see `chunk_shape`. Large rows that are all the same are stored once."""
+    alike = has_large_rows(label, dtype) and len(set(label.digests)) == 1
+    shape, chunks, options = (1, *label.shape[1:]) if alike else label.shape, chunk_shape(label, dtype), {}
+    if chunks is not None:
+        options = {"chunks": chunks, "compression": "gzip", "compression_opts": COMPRESSION_LEVEL, "shuffle": True}
     dataset = file.create_dataset(name, shape, dtype, **options)
     said: dict[str, Attribute] = {"units": label.units, "axes": list(label.axes), "sha256": list(label.digests)}
     if label.description:
@@ -146,21 +152,10 @@ def create_dataset(file: h5py.File, name: str, label: Label, dtype: np.dtype[Any
 
 def write_dataset(file: h5py.File, name: str, label: Label, values: NDArray[Any]) -> None:
     """Creates a dataset and writes its values."""
-    stored = _text_in(values)
+    stored = text_in(values)
     dataset = create_dataset(file, name, label, stored.dtype)
     if stored.size:
         dataset[...] = stored[: dataset.shape[0]] if label.by_row else stored
-
-
-def copy_row(source: h5py.Dataset, target: h5py.Dataset, index: int) -> None:
-    """Copies a dataset of one row to a row of another; as it is, compressed, where the chunks are the same."""
-    if target.chunks is None or target.chunks[0] != 1 or source.chunks != target.chunks:
-        target[index] = source[0]
-        return
-    starts = (range(0, size, step) for size, step in zip(source.shape[1:], source.chunks[1:], strict=True))
-    for start in itertools.product(*starts):
-        mask, content = source.id.read_direct_chunk((0, *start))
-        target.id.write_direct_chunk((index, *start), content, mask)
 
 
 def read_label(dataset: h5py.Dataset) -> Label:
@@ -191,10 +186,10 @@ def read_label(dataset: h5py.Dataset) -> Label:
 def read_values(dataset: h5py.Dataset, label: Label, row: int | None) -> NDArray[Any]:
     """Reads stored values: all, or those of one configuration, its axis kept."""
     if row is None or not label.by_row:
-        values = _text_out(np.asarray(dataset[()]))
+        values = text_out(np.asarray(dataset[()]))
         return values if values.shape == label.shape else np.repeat(values, label.shape[0], axis=0)
     at = row if dataset.shape[0] == label.shape[0] else 0
-    return _text_out(np.asarray(dataset[at : at + 1]))
+    return text_out(np.asarray(dataset[at : at + 1]))
 
 
 def matches(label: Label, values: NDArray[Any]) -> bool:
@@ -223,12 +218,14 @@ def _chunks(shape: Sequence[int], itemsize: int) -> tuple[int, ...]:
     return tuple(reversed(chunks))
 
 
-def _text_in(values: NDArray[Any]) -> NDArray[Any]:
+def text_in(values: NDArray[Any]) -> NDArray[Any]:
+    """Values as they are stored: text of fixed length in UTF-8."""
     if values.dtype.kind != "U":
         return values
     encoded = np.char.encode(values, "utf-8")
     return encoded.astype(h5py.string_dtype("utf-8", max(1, encoded.dtype.itemsize)))
 
 
-def _text_out(values: NDArray[Any]) -> NDArray[Any]:
+def text_out(values: NDArray[Any]) -> NDArray[Any]:
+    """The inverse of `text_in`."""
     return np.char.decode(values, "utf-8") if values.dtype.kind == "S" else values

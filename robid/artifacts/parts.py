@@ -4,25 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
 from robid.artifacts.atomic import parts_of, remove_parts, replacing
-from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
-from robid.artifacts.store import (
-    Header,
-    check_artifact,
-    read_artifact,
-    read_outline,
-    visit,
-    write_artifact,
-    write_header,
-)
+from robid.artifacts.layout import create_dataset, create_file, has_large_rows, write_dataset
+from robid.artifacts.part_file import Part, read_part, read_start, write_part
+from robid.artifacts.store import Header, check_artifact, write_header
 from robid.errors import ArtifactError
 
 _NOTES = "notes"
@@ -44,7 +37,7 @@ class Parts:
         self._artifact = artifact
         self.folder = parts_of(artifact)
         self._kind = kind
-        self._suffix = f".{key[:16]}.h5"
+        self._suffix = f".{key[:16]}.part"
         remove_parts(self.folder, keep=self._suffix)
 
     def has(self, index: int) -> bool:
@@ -53,7 +46,7 @@ class Parts:
         if not path.exists():
             return False
         try:
-            check_artifact(path, self._kind)
+            read_part(path, self._kind)
         except ArtifactError:
             path.unlink()
             return False
@@ -61,11 +54,11 @@ class Parts:
 
     def write(self, index: int, part: Artifact) -> None:
         """Writes one part at once."""
-        write_artifact(self._path(index), part, alone=False)
+        write_part(self._path(index), part)
 
     def read(self, index: int) -> Artifact:
         """Reads one part; see `robid.artifacts.store.read_artifact` for errors."""
-        return read_artifact(self._path(index), self._kind)
+        return read_part(self._path(index), self._kind).to_artifact()
 
     def merge(self, count: int, provenance: Provenance) -> str:
         """Merges the parts 0 to `count - 1` into the artifact, one in memory at a time, and removes them.
@@ -80,13 +73,13 @@ class Parts:
             ValueError: If the parts differ in what does not depend on the configuration.
         """
         paths = [self._path(index) for index in range(count)]
-        outlines = [read_outline(path, self._kind) for path in paths]
-        attributes = _same("attributes", [outline.attributes for outline in outlines])
-        names = _same("datasets", [sorted(outline.labels) for outline in outlines])
-        labels = {name: _join(name, [outline.labels[name] for outline in outlines]) for name in names}
-        shared = dict(outlines[0].shared)
+        starts = [read_start(path, self._kind) for path in paths]
+        attributes = _same("attributes", [start.attributes for start in starts])
+        names = _same("datasets", [sorted(start.labels) for start in starts])
+        labels = {name: _join(name, [start.labels[name] for start in starts]) for name in names}
+        shared = dict(starts[0].stored)
         if _NOTES in shared:
-            notes = dict.fromkeys(note for outline in outlines for note in outline.shared[_NOTES].tolist())
+            notes = dict.fromkeys(note for start in starts for note in start.stored[_NOTES].tolist())
             like, every = labels[_NOTES], np.array(list(notes), dtype=str)
             labels[_NOTES], shared[_NOTES] = encode(Dataset(every, like.units, like.axes, like.description))
         digest = content_hash(self._kind.name, attributes, labels)
@@ -101,29 +94,50 @@ class Parts:
         return digest
 
     def _copy_rows(self, file: h5py.File, paths: Sequence[Path], labels: Mapping[str, Label]) -> None:
+        """Copies large rows as they come and those of small ones, which cost by the dataset, at the end."""
         # Kept open: closing a dataset empties its cache of chunks.
-        targets: dict[str, h5py.Dataset] = {}
-
-        def copy(index: int, source: h5py.File) -> None:
-            for name, label in labels.items():
-                if index == 0:
-                    targets[name] = create_dataset(file, name, label, source[name].dtype)
-                if index < targets[name].shape[0]:
-                    copy_row(source[name], targets[name], index)
-
+        large: dict[str, h5py.Dataset] = {}
+        small: dict[str, list[NDArray[Any]]] = {}
         for index, path in enumerate(paths):
-            visit(path, self._kind, partial(copy, index))
+            part = self._sound(path)
+            for name, label in labels.items():
+                if label.dtype == "str" or not has_large_rows(label, np.dtype(label.dtype)):
+                    small.setdefault(name, []).append(part.values(name))
+                    continue
+                if index == 0:
+                    large[name] = create_dataset(file, name, label, np.dtype(label.dtype))
+                if index < large[name].shape[0]:
+                    _copy_row(part, name, large[name], index)
+        for name, rows in small.items():
+            write_dataset(file, name, labels[name], np.concatenate(rows))
+
+    def _sound(self, path: Path) -> Part:
+        try:
+            return read_part(path, self._kind)
+        except ArtifactError as error:
+            raise self._not_sound() from error
+
+    def _not_sound(self) -> ArtifactError:
+        what = "A007 The parts did not merge into a sound artifact."
+        return ArtifactError(what, where=str(self.folder), remedy="the same command makes damaged parts again")
 
     def _read_back(self, unfinished: Path) -> None:
         try:
             check_artifact(unfinished, self._kind)
         except ArtifactError as error:
-            what = "A007 The parts did not merge into a sound artifact."
-            remedy = "the same command makes damaged parts again"
-            raise ArtifactError(what, where=str(self.folder), remedy=remedy) from error
+            raise self._not_sound() from error
 
     def _path(self, index: int) -> Path:
         return self.folder / f"{index:05d}{self._suffix}"
+
+
+def _copy_row(part: Part, name: str, target: h5py.Dataset, index: int) -> None:
+    """Copies a large row, compressed as it is where it is in chunks."""
+    if name not in part.chunks:
+        target[index] = part.values(name)[0]
+        return
+    for start, content in zip(part.starts(name), part.chunks[name], strict=True):
+        target.id.write_direct_chunk((index, *start[1:]), content)
 
 
 def _join(name: str, labels: Sequence[Label]) -> Label:

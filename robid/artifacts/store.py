@@ -44,6 +44,7 @@ from robid.artifacts.layout import (
     create_file,
     find_datasets,
     get_attributes,
+    has_large_rows,
     matches,
     read_label,
     read_values,
@@ -195,7 +196,10 @@ def check_artifact(path: Path, kind: Kind) -> None:
 
     def check(file: h5py.File, header: Header) -> None:
         for name, label in _outline(file, header).labels.items():
-            for row in range(file[name].shape[0] if label.by_row else 0):
+            if not has_large_rows(label, file[name].dtype):
+                _values(file, name, label)
+                continue
+            for row in range(file[name].shape[0]):
                 _values(file, name, label, row)
 
     _read(path, kind, check)
@@ -228,9 +232,9 @@ def inspect_artifact(path: Path) -> ArtifactDescription:
 
 def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Result]) -> tuple[Header, Result]:
     """Opens a file, checks its header, and applies `read` to it."""
-    where, command = str(path), f"`{kind.made_by if kind else 'robid run'} EXPERIMENT.yaml`"
+    where = str(path)
     if not path.exists():
-        raise ArtifactError("A008 The artifact is missing.", where=where, remedy=f"{command} makes it")
+        raise missing(path, kind)
     if kind is None and not h5py.is_hdf5(path):
         remedy = "name an .h5 file of a run folder"
         raise ArtifactError("A009 The file is not an artifact of robid.", where=where, remedy=remedy)
@@ -242,14 +246,28 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Res
             found = str(said.get("format", "1"))
             if found != _FORMAT:
                 what = f"A010 The artifact has file format {found}; this robid reads format {_FORMAT}."
-                remedy = f"use the robid that wrote it, or delete it and make it again with {command}"
+                remedy = f"use the robid that wrote it, or delete it and make it again with {_command(kind)}"
                 raise ArtifactError(what, where=where, remedy=remedy)
             if kind is not None:
-                _check_kind(path, kind, header)
+                check_kind(path, kind, Kind(header.kind, header.version, ""))
             return header, read(file, header)
     except DAMAGE as error:
-        remedy = f"delete it and make it again with {command}"
-        raise ArtifactError(f"A013 The artifact is damaged: {error}.", where=where, remedy=remedy) from error
+        raise damaged(path, kind, error) from error
+
+
+def _command(kind: Kind | None) -> str:
+    return f"`{kind.made_by if kind else 'robid run'} EXPERIMENT.yaml`"
+
+
+def missing(path: Path, kind: Kind | None) -> ArtifactError:
+    """What is said of an artifact that is not there."""
+    return ArtifactError("A008 The artifact is missing.", where=str(path), remedy=f"{_command(kind)} makes it")
+
+
+def damaged(path: Path, kind: Kind | None, error: Exception) -> ArtifactError:
+    """What is said of an artifact that cannot be read."""
+    remedy = f"delete it and make it again with {_command(kind)}"
+    return ArtifactError(f"A013 The artifact is damaged: {error}.", where=str(path), remedy=remedy)
 
 
 @lru_cache(maxsize=256)
@@ -268,15 +286,15 @@ def _identity(path: Path) -> tuple[object, ...]:
     return str(path), status.st_ino, status.st_size, status.st_mtime_ns, status.st_ctime_ns
 
 
-def _check_kind(path: Path, kind: Kind, header: Header) -> None:
-    if header.kind != kind.name:
-        what = f"A011 The file contains an artifact of kind `{header.kind}`, but `{kind.name}` is needed."
+def check_kind(path: Path, kind: Kind, found: Kind) -> None:
+    """Refuses a file of another kind or major version; see `read_artifact`."""
+    if found.name != kind.name:
+        what = f"A011 The file contains an artifact of kind `{found.name}`, but `{kind.name}` is needed."
         remedy = f"name another file; where it lies in the way of one that `{kind.made_by}` makes, move it away"
         raise ArtifactError(what, where=str(path), remedy=remedy)
-    major = header.version.partition(".")[0]
-    if major != kind.major:
+    if found.major != kind.major:
         raise ArtifactError(
-            f"A012 The artifact has schema version {header.version}; this robid reads {kind.major}.x of kind "
+            f"A012 The artifact has schema version {found.version}; this robid reads {kind.major}.x of kind "
             f"`{kind.name}`.",
             where=str(path),
             remedy=f"use the robid that wrote it, or make it again with `{kind.made_by} EXPERIMENT.yaml --force`",

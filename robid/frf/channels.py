@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -53,22 +54,20 @@ def require(frf: Frf, inputs: UsableChannels, outputs: UsableChannels, reader: s
 
 
 def channel_levels(record: Record) -> dict[str, Any]:
-    """Returns means of inputs and outputs, how far the outputs move about theirs, and how long each is at a limit.
+    """Returns means of inputs and outputs, and how far the outputs move about theirs.
 
     Args:
         record: Record of a single configuration; the configuration axis is kept.
     """
-    n_sample, offset = record.outputs[0, ..., 0].size, record.output_offset
-    mean = record.outputs.mean(axis=(1, 2, 3, 4))
-    # Without a copy of the samples, of which there may be many.
-    square = np.einsum("crepno,crepno->co", record.outputs, record.outputs) / n_sample
-    inputs, outputs = saturated_shares(record)
+    inputs, outputs = (each.reshape(len(each), -1, each.shape[-1]) for each in (record.inputs, record.outputs))
+    # As products with ones, and without a copy of the samples, of which there may be many.
+    ones = np.ones(outputs.shape[1])
+    mean = ones @ outputs / len(ones)
+    square = np.einsum("cno,cno->co", outputs, outputs) / len(ones)
     return {
-        "mean_input": record.inputs.mean(axis=(1, 2, 3, 4)),
-        "mean_output": mean + offset,
+        "mean_input": ones @ inputs / len(ones),
+        "mean_output": mean + record.output_offset,
         "motion_rms": np.sqrt(np.maximum(square - mean**2, 0.0)),
-        "saturated_inputs": inputs[None],
-        "saturated_outputs": outputs[None],
     }
 
 
@@ -76,28 +75,42 @@ SATURATED_SHARE = 0.005  # Share of samples at a channel's extreme value above w
 _BINARY = 0.99  # Share of samples at either limit from which a signal has two values by design, as binary noise
 # Share of samples at one extreme value from which a signal rests there: most of what lies at a limit is lost.
 _RESTING = 0.5
+_TOUCHING = 1e-6  # Distance from an extreme value over the range up to which a sample lies at it
 _PLACES = ("angle", "position")
 _FAR_MORE = 3
 _NEAR = 0.01
 
 
-def saturated_channels(record: Record) -> list[tuple[Channel, FloatArray]]:
-    """Returns the channels that saturate, inputs first, and the share of samples (n_real, n_exp) in which they do.
+@dataclass(frozen=True)
+class LimitShares:
+    """How long the channels of one configuration lie at a limit.
 
     Of outputs, angles and positions do not count: a motor that sticks rests at its turning points. Nor do signals that
     have two values by design, and values at which a signal rests, as a force between blows.
     """
-    found = [*_inputs(record), *_outputs(record)]
-    return [(channel, share) for channel, share in found if share.max() > SATURATED_SHARE]
+
+    channels: tuple[Channel, ...]  # Inputs first, then outputs
+    share: FloatArray  # (n_channel, n_real, n_exp) Share of samples
+
+    def saturated(self) -> list[tuple[Channel, FloatArray]]:
+        """Returns the channels that saturate and the share of samples (n_real, n_exp) in which they do."""
+        pairs = zip(self.channels, self.share, strict=True)
+        return [(channel, share) for channel, share in pairs if share.max() > SATURATED_SHARE]
+
+    def levels(self, n_in: int) -> dict[str, Any]:
+        """Share of the time in which each input and output saturates at worst, 0 where it is not told."""
+        worst = self.share.max(axis=(1, 2))
+        told = np.where(worst > SATURATED_SHARE, worst, 0.0)[None]
+        return {"saturated_inputs": told[:, :n_in], "saturated_outputs": told[:, n_in:]}
 
 
-def saturated_shares(record: Record) -> tuple[FloatArray, FloatArray]:
-    """Share of the time in which each input (n_in,) and output (n_out,) saturates at worst, 0 where it is not told."""
-    inputs, outputs = (
-        np.array([share.max() if share.max() > SATURATED_SHARE else 0.0 for _, share in found])
-        for found in (_inputs(record), _outputs(record))
-    )
-    return inputs, outputs
+def limit_shares(record: Record) -> LimitShares:
+    """Looks how long the channels of one configuration's record lie at a limit."""
+    inputs = np.ones(len(record.input_channels), bool)
+    outputs = np.array([one.quantity not in _PLACES for one in record.output_channels], bool)
+    looked = [(record.inputs[0], inputs), (record.outputs[0], outputs)]
+    share = [_shares(samples, chosen) for samples, chosen in looked]
+    return LimitShares((*record.input_channels, *record.output_channels), np.concatenate(share))
 
 
 def saturation_error(share: float) -> float:
@@ -111,31 +124,40 @@ def saturation_error(share: float) -> float:
     return share / max(1 - share, 1e-3)
 
 
-def _inputs(record: Record) -> list[tuple[Channel, FloatArray]]:
-    return [(one, _share(record.inputs[0, ..., at])) for at, one in enumerate(record.input_channels)]
+def _shares(samples: FloatArray, chosen: BoolArray) -> FloatArray:
+    """Share of samples (n_channel, n_real, n_exp) at a limit, of some channels; 0 for the others.
 
-
-def _outputs(record: Record) -> list[tuple[Channel, FloatArray]]:
-    return [
-        (one, np.zeros((1, 1)) if one.quantity in _PLACES else _share(record.outputs[0, ..., at]))
-        for at, one in enumerate(record.output_channels)
-    ]
-
-
-def _share(signal: FloatArray) -> FloatArray:
-    """Share of samples (n_real, n_exp) at a limit, of those (n_real, n_exp, n_period, n_sample)."""
-    share = np.zeros(signal.shape[:2])
-    for place in np.ndindex(share.shape):
-        # Both ends count, unless nearly all samples lie at them: such a signal has two values by design.
-        limits = [_at_limit(sign * signal[place]) for sign in (1, -1)]
-        if sum(limits) <= _BINARY:
-            share[place] = sum(limit for limit in limits if limit <= _RESTING)
+    Args:
+        samples (n_real, n_exp, n_period, n_sample, n_channel): Signals.
+        chosen (n_channel,): Channels that are looked at.
+    """
+    share = np.zeros((len(chosen), *samples.shape[:2]))
+    if not chosen.any():
+        return share
+    every = chosen.all()
+    signals = np.ascontiguousarray(np.moveaxis(samples if every else samples[..., chosen], -1, 0))
+    signals = signals.reshape(*signals.shape[:3], -1)
+    top, bottom = signals.max(axis=-1, keepdims=True), signals.min(axis=-1, keepdims=True)
+    near = _TOUCHING * (top - bottom)
+    at_limit = [np.count_nonzero(one, axis=-1) for one in (signals >= top - near, signals <= bottom + near)]
+    # Most signals touch their extreme values once: what lies there longer is looked at closely.
+    for place in np.argwhere(np.maximum(*at_limit) > SATURATED_SHARE / 2 * signals.shape[-1]):
+        share[np.flatnonzero(chosen)[place[0]], *place[1:]] = _share(signals[tuple(place)])
     return share
+
+
+def _share(signal: FloatArray) -> float:
+    """Share of samples (n_sample,) at a limit; both ends count.
+
+    Where nearly all samples lie at them, the signal has two values by design.
+    """
+    limits = [_at_limit(sign * signal) for sign in (1, -1)]
+    return sum(limit for limit in limits if limit <= _RESTING) if sum(limits) <= _BINARY else 0.0
 
 
 def _at_limit(signal: FloatArray) -> float:
     """Share of samples at the highest value."""
-    at_top = signal >= signal.max() - 1e-6 * np.ptp(signal)
+    at_top = signal >= signal.max() - _TOUCHING * np.ptp(signal)
     return _at_top(signal, at_top) if at_top.mean() > SATURATED_SHARE / 2 else 0.0
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.frf.channels import saturated_channels, saturation_error
+from robid.frf.channels import LimitShares, limit_shares, saturation_error
 from robid.frf.frf import Frf
 from robid.frf.timing import Shift, common_shift, find_shifts, measure_jitter, period_differences, sparse_samples
 from robid.signals.quantities import DRIVES, shown
@@ -35,18 +35,19 @@ class RecordFinding:
     fatal: bool
 
 
-def check_record(record: Record, *, periodic: bool = True) -> list[RecordFinding]:
+def check_record(record: Record, limits: LimitShares | None = None, *, periodic: bool = True) -> list[RecordFinding]:
     """Looks for a wrong period, dropped samples, jitter, saturated channels and motors that stood still.
 
     Args:
         record: Finite record of a single configuration, simulated or measured.
+        limits: How long its channels lie at a limit, where that is known.
         periodic: Whether its periods repeat each other; the time base is not looked at otherwise.
 
     Returns:
         What was found; nothing else is looked at where the time base is wrong. Experiments, realizations, periods
         and samples are numbered from 1.
     """
-    return (_timing(record) if periodic else []) or [*_saturation(record), *_still(record)]
+    return (_timing(record) if periodic else []) or [*_saturation(limits or limit_shares(record)), *_still(record)]
 
 
 def fed_back(record: Record, frf: Frf) -> list[RecordFinding]:
@@ -152,9 +153,9 @@ def _place(record: Record, shift: Shift) -> str:
     return f"realization {shift.realization + 1}, experiment {shift.experiment + 1}: {noun} {place} ({channels})"
 
 
-def _saturation(record: Record) -> list[RecordFinding]:
+def _saturation(limits: LimitShares) -> list[RecordFinding]:
     findings = []
-    for channel, share in saturated_channels(record):
+    for channel, share in limits.saturated():
         place = f"({_worst_place(share)})"
         what = f"D228 {channel.name}: {channel.title} saturates for {100 * share.max():.2g} % of the time {place}"
         off = f"{100 * saturation_error(float(share.max())):.2g} %"

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import DTypeLike
 from scipy.fft import irfft, rfft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
@@ -75,14 +76,16 @@ def record_motion(record: Record, lines: IntArray, delay_s: float, oversampling:
     # An arbitrary motion ends elsewhere: a ramp is taken out before its speed is found, and put back.
     rise = (angle[-1] - angle[0]) * record.is_arbitrary
     level = angle - rise * np.linspace(0, 1, len(angle))[:, None, None, None]
-    speed = periodic_speed(level, period_s, _NOISE_CUT * record.frequency_hz[-1], oversampling)
-    speed = speed + rise / record.period_s
+    cut_hz = _NOISE_CUT * record.frequency_hz[-1]
+    speed = periodic_speed(level, period_s, cut_hz, oversampling, np.float32)
+    if record.is_arbitrary:
+        speed = speed + (rise / record.period_s).astype(np.float32)
     omega = 2 * np.pi * lines / record.period_s
     # A zero-order hold is sinc(w T / 2 pi) exp(-j w T / 2); numpy's sinc has pi inside.
     half = 0.5 * omega * period_s * (record.input_hold == "zoh")
     return Motion(
         angle=angle,
-        speed=speed.astype(np.float32),
+        speed=speed,
         step_s=period_s / oversampling,
         sampling_period_s=period_s,
         lines=lines,
@@ -157,7 +160,9 @@ def law_table(record: Record, laws: Sequence[TorqueLaw]) -> tuple[tuple[str, ...
     return names, np.ravel([law.values for law in laws]), np.ravel([law.values_std for law in laws])
 
 
-def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int) -> FloatArray:
+def periodic_speed(
+    angle: FloatArray, sampling_period_s: float, cut_hz: float, oversampling: int, dtype: DTypeLike = np.float64
+) -> FloatArray:
     """Differentiates one period of an angle by its DFT: speed (n_sample * oversampling, ...) on a finer grid [rad/s].
 
     Args:
@@ -165,14 +170,15 @@ def periodic_speed(angle: FloatArray, sampling_period_s: float, cut_hz: float, o
         sampling_period_s: Sampling period [s].
         cut_hz: Content above is dropped: it is noise of the encoder.
         oversampling: Grid points per sample.
+        dtype: Precision of the speed.
     """
     n_sample = angle.shape[0]
-    spectrum = rfft(angle, axis=0)
     omega = 2 * np.pi * np.fft.rfftfreq(n_sample, sampling_period_s)
-    omega = np.where(omega <= 2 * np.pi * cut_hz, omega, 0.0)
-    rate = 1j * omega.reshape(-1, *(1,) * (angle.ndim - 1))
+    omega = omega[omega <= 2 * np.pi * cut_hz]
+    rate = (1j * oversampling * omega).reshape(-1, *(1,) * (angle.ndim - 1))
+    spectrum = (rate * rfft(angle, axis=0)[: len(omega)]).astype(np.result_type(dtype, np.complex64))
     # The longer inverse transform pads with zeros: the trigonometric interpolant between the samples.
-    return np.asarray(irfft(rate * spectrum, n_sample * oversampling, axis=0) * oversampling)
+    return np.asarray(irfft(spectrum, n_sample * oversampling, axis=0))
 
 
 def _held(motion: Motion, torque: FloatArray) -> ComplexArray:

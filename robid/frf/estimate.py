@@ -10,15 +10,12 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.blocks import ESTIMATORS, BlockEstimate, place_of, solvable_lines
-from robid.frf.channels import channel_levels, response_channels, to_accelerations
+from robid.frf.channels import channel_levels, limit_shares, response_channels, to_accelerations
 from robid.frf.checks import RecordFinding, check_record, fed_back, finding_notes, refuse_faults
 from robid.frf.covariance import (
-    FEW_PERIODS,
     element_scale,
-    exceeds,
     freedom_share,
     noise_covariance,
-    period_noise,
     total_covariance,
 )
 from robid.frf.distortion import (
@@ -36,6 +33,7 @@ from robid.frf.frf import Frf
 from robid.frf.friction import coefficients
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
+from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
 from robid.frf.reading import Spectra, Windows, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
@@ -89,7 +87,8 @@ def estimate_frf(
     if options.compensation == "none" or laws is None or all(law.is_zero for law in laws):
         laws = None
     spectra = read_spectra(record, options, laws, delay_s)
-    findings = check_record(record, periodic=options.estimator != "local")
+    limits = limit_shares(record)
+    findings = check_record(record, limits, periodic=options.estimator != "local")
     # Periods that differ in size look like jitter, too: the steadiness below tells which it is.
     if any(one.fatal and one.kind != "jitter" for one in findings):
         refuse_faults(record, findings)
@@ -97,6 +96,7 @@ def estimate_frf(
     steady = _steadiness(record, spectra.at(solved), found, options)
     findings = _with_steadiness(record, findings, steady)
     frf = _frf(record, record.excited_lines[solved], spectra.at(solved), found, options, laws, steady)
+    frf = replace(frf, **limits.levels(len(record.input_names)))
     frf, lost = _without_lost(frf, record, spectra, found, solved, options)
     told = () if steady is None else steadiness_notes(steady, record)
     return replace(frf, notes=(*frf.notes, *told, *finding_notes(record, [*findings, *lost, *fed_back(record, frf)])))

@@ -109,16 +109,25 @@ def mean_without_drift(angle: FloatArray) -> FloatArray:
     Args:
         angle (n_real, n_exp, n_period, n_sample, n_out): Angles [rad].
     """
+    n_period, n_sample = angle.shape[2:4]
     mean = angle.mean(axis=2)
-    if angle.shape[2] < 2:
+    if n_period < 2:
         return np.asarray(mean)
-    drift = np.gradient(angle.mean(axis=3), axis=2).mean(axis=2)
+    # The mean over the samples as a product with ones, which is faster.
+    drift = np.gradient(np.ones(n_sample) @ angle / n_sample, axis=2).mean(axis=2)
     return np.asarray(mean - drift[:, :, None] * ramp_of_period(angle.shape[3]))
 
 
 def ramp_of_period(n_sample: int) -> FloatArray:
     """A rise of 1 over one period, without mean (n_sample, 1)."""
     return ((np.arange(n_sample) + 0.5) / n_sample - 0.5)[:, None]
+
+
+def period_contrasts(n_period: int) -> FloatArray:
+    """Orthonormal combinations (n_period - 1, n_period) of the periods that are zero where all are alike (Helmert)."""
+    rows = np.tril(np.ones((n_period - 1, n_period)))
+    rows[np.arange(n_period - 1), np.arange(1, n_period)] = -np.arange(1, n_period)
+    return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True))
 
 
 def _experiments_last(spectrum: ComplexArray) -> ComplexArray:
@@ -132,7 +141,7 @@ def _mean_and_scatter(
     """Mean over the periods and deviations that stand for its noise, see `Blocks`.
 
     Noise that does not repeat jumps at the ends of a period and leaks over its lines; the jumps of successive
-    periods cancel in their mean, whose leakage falls with the square of the number of periods P. Deviations under
+    periods cancel in their mean, whose leakage falls with the square of the number of periods P. Contrasts under
     a Hann window do not leak; one part in P + 1 of the plain ones adds what is left in the mean. The window takes in
     both neighbours of a line: where these are excited, and vary with the response, plain deviations stand alone.
 
@@ -144,37 +153,38 @@ def _mean_and_scatter(
             for inputs.
 
     Returns:
-        Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 n_period, n_freq, n_channel, n_exp).
+        Mean (n_real, n_freq, n_channel, n_exp) and scatter (n_real, 2 (n_period - 1), n_freq, n_channel, n_exp).
     """
-    n_period, chosen = samples.shape[2], lines - lines.min()
-    band = _band(samples, int(lines.min()), int(lines.max()), drifts=factor is not None)
-    plain = band[..., 1:-1, :]
+    n_period = samples.shape[2]
+    plain, neighbours = _at_lines(samples, lines, drifts=factor is not None)
     # Hann window by neighbours in frequency; sqrt(1.5) makes white noise as large as without.
-    hann = (plain - 0.5 * (band[..., :-2, :] + band[..., 2:, :])) / np.sqrt(1.5)
+    hann = (plain - 0.5 * neighbours) / np.sqrt(1.5)
     scale = np.ones(1) if factor is None else factor
     # One part in P + 1 of plain deviations holds the leakage that is left in the mean; see above.
     share = np.where(beside, 1.0, 1 / (n_period + 1))[:, None]
+    taken = period_contrasts(n_period)
     scatter = [
-        (each - each.mean(axis=2, keepdims=True))[..., chosen, :] * (scale * np.sqrt(part / n_period))
+        np.einsum("dp,repfc->rdfce", taken, each) * (scale * np.sqrt(part / n_period))[..., None]
         for each, part in ((plain, share), (hann, 1 - share))
     ]
-    mean = plain.mean(axis=2)[..., chosen, :] * scale
-    return _experiments_last(mean), np.asarray(np.concatenate(scatter, axis=2).transpose(0, 2, 3, 4, 1))
+    return _experiments_last(plain.mean(axis=2) * scale), np.concatenate(scatter, axis=1)
 
 
-def _band(samples: FloatArray, first: int, last: int, *, drifts: bool) -> ComplexArray:
-    """Amplitudes of each period from the line below the first to the one above the last (..., n_line, n_channel)."""
+def _at_lines(samples: FloatArray, lines: IntArray, *, drifts: bool) -> tuple[ComplexArray, ComplexArray]:
+    """Amplitudes of each period at some lines (..., n_freq, n_channel), and the sums of those at their neighbours."""
     n_period, n_sample = samples.shape[2:4]
-    end = n_sample // 2
-    lines = slice(max(first - 1, 0), min(last + 1, end) + 1)
     spectrum = rfft(samples, axis=-2, norm="forward")
-    band = spectrum[..., lines, :]
+    # The spectrum of real signals goes on beyond line 0 and the highest one as in a mirror.
+    end = n_sample // 2
+    places = (lines, np.abs(lines - 1), end - np.abs(end - lines - 1))
+    plain, below, above = (spectrum[..., place, :] for place in places)
     if drifts and n_period > 1:
         # A ramp from mean to mean of the periods is taken off: drift would leak over all lines.
-        per_period = np.gradient(spectrum[..., 0, :].real, axis=2)
-        band = band - per_period[..., None, :] * rfft(ramp_of_period(n_sample), axis=0, norm="forward")[lines]
-    beyond = [(0, 0)] * (band.ndim - 2) + [(int(first == 0), int(last == end)), (0, 0)]
-    return np.asarray(band if first > 0 and last < end else np.pad(band, beyond, mode="reflect"))
+        per_period = np.gradient(spectrum[..., 0, :].real, axis=2)[..., None, :]
+        ramp = rfft(ramp_of_period(n_sample), axis=0, norm="forward")
+        for each, place in zip((plain, below, above), places, strict=True):
+            each -= per_period * ramp[place]
+    return plain, below + above
 
 
 def robust_blocks(record: Record, lines: IntArray, options: EstimateOptions, *, accelerations: bool = True) -> Blocks:

@@ -10,7 +10,7 @@ from scipy.fft import rfft
 
 from robid.arrays import ComplexArray, FloatArray, IntArray
 from robid.frf.checks import RecordFinding
-from robid.frf.spectra import Blocks, output_factor
+from robid.frf.spectra import Blocks, output_factor, period_contrasts
 from robid.signals.record import Record
 
 CHANGING_LIMIT = 0.1  # Relative change of the response from period to period above which periods cannot be averaged
@@ -145,7 +145,9 @@ def _plain(scatter: ComplexArray, blocks: Blocks, record: Record) -> _Deviations
     n_period, excited = record.inputs.shape[3], record.excited_lines
     beside = np.isin(blocks.lines - 1, excited) | np.isin(blocks.lines + 1, excited)
     part = np.where(beside, 1.0, 1 / (n_period + 1)) / n_period
-    return np.asarray(scatter[:, :n_period] / np.sqrt(part)[:, None, None])
+    plain = scatter[:, : n_period - 1] / np.sqrt(part)[:, None, None]
+    # Contrasts are orthonormal: their transpose makes deviations of them again.
+    return np.asarray(np.einsum("dp,rdfce->rpfce", period_contrasts(n_period), plain))
 
 
 def _scatter_share(moved: _Deviations, mean: ComplexArray) -> FloatArray:

@@ -10,7 +10,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import compress
 from typing import ClassVar, Literal, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
@@ -29,6 +28,8 @@ VALUES = ("coulomb_nm", "static_nm", "stribeck_rad_s", "width", "lag_samples", "
 
 _LAG_STD = 0.5
 _STRETCH = 128
+_AT_ONCE = 1 << 15  # Values of a signal that are worked on at once, as many as stay in a processor's cache
+_VANISHED = -80.0  # Exponent of what counts for nothing
 _REACH = 5.0  # where a polygon ends, over the Stribeck speed
 _FINE = 20001
 
@@ -69,6 +70,8 @@ class Coefficients(NamedTuple):
         # In place: the compensation evaluates this over millions of samples.
         curve = np.asarray(speed / self.stribeck)
         curve *= -curve
+        # Where nothing is left of it, before numbers become so small that processors take their time.
+        np.maximum(curve, _VANISHED, out=curve)
         np.exp(curve, out=curve)
         curve *= excess
         curve += 1
@@ -143,21 +146,29 @@ class LuGre(FrictionLaw):
 
     def periodic_torque(self, speed: FloatArray, step_s: float, coefficients: Coefficients) -> FloatArray:
         """Integrates `z' = v - |v| z / z_max(v)`, exactly for the mean speed of each step."""
-        mean_speed = np.roll(speed, -1, axis=0)
-        mean_speed += speed
-        mean_speed *= 0.5
-        # z_max: the deflection at which the bristle slips. Over a step of constant v, z decays to sign(v) z_max by
-        # exp(-|v| h / z_max); that is a linear recurrence in z, whose periodic solution needs no transient.
-        limit = coefficients.stribeck_curve(mean_speed)
+        following = np.concatenate([speed[1:], speed[:1]])
+        decay, drive = np.empty_like(speed), np.empty_like(speed)
+        rows = max(1, _AT_ONCE // max(1, speed[0].size))
+        for some in (slice(first, first + rows) for first in range(0, len(speed), rows)):
+            decay[some], drive[some] = self._step(0.5 * (speed[some] + following[some]), step_s, coefficients)
+        # sigma_0 = F_c / width: at constant speed the torque is then the Stribeck curve's level.
+        return periodic_recurrence(decay, drive) * (coefficients.coulomb / coefficients.width)
+
+    def _step(self, speed: FloatArray, step_s: float, coefficients: Coefficients) -> tuple[FloatArray, FloatArray]:
+        """What a step of constant speed makes of a deflection z: `decay z + drive`.
+
+        Over it z decays to sign(v) z_max by exp(-|v| h / z_max), z_max the deflection at which the bristle slips; that
+        is a linear recurrence in z, whose periodic solution needs no transient.
+        """
+        limit = coefficients.stribeck_curve(speed)
         limit *= coefficients.width
-        decay = np.abs(mean_speed)
+        decay = np.abs(speed)
         decay *= -step_s
         decay /= limit
         np.exp(decay, out=decay)
-        drive = np.copysign(limit, mean_speed, out=limit)
+        drive = np.copysign(limit, speed, out=limit)
         drive *= 1 - decay
-        # sigma_0 = F_c / width: at constant speed the torque is then the Stribeck curve's level.
-        return periodic_recurrence(decay, drive) * (coefficients.coulomb / coefficients.width)
+        return decay, drive
 
     def in_engine(self, friction: Friction) -> Bristles:
         """Returns the engine's own LuGre."""
@@ -370,18 +381,21 @@ def friction_torque(speed: FloatArray, step_s: float, laws: Sequence[TorqueLaw])
         laws: One law per motor.
     """
     kinds = {one.law.name: one.law for one in laws}
-    torque = np.empty_like(speed)
+    # Coefficients of every signal, so that no inner loop ends at the motors.
+    signals = speed.reshape(len(speed), -1)
+    each = np.tile(np.arange(len(laws)), signals.shape[1] // len(laws))
+    stacked = [_stacked(laws, value, speed.dtype)[each] for value in VALUES[:4]]
+    torque = np.empty_like(signals)
     # Motors of one law at once: a loop over motors would be slower than the mathematics.
     for name, law in kinds.items():
-        chosen = np.array([one.law.name == name for one in laws])
-        some = list(compress(laws, chosen))
-        coefficients = Coefficients(*(_stacked(some, value, speed.dtype) for value in VALUES[:4]))
+        chosen = np.array([one.law.name == name for one in laws])[each]
         if len(kinds) == 1:
-            torque = law.periodic_torque(speed, step_s, coefficients)
+            torque = law.periodic_torque(signals, step_s, Coefficients(*stacked))
         else:
-            torque[..., chosen] = law.periodic_torque(speed[..., chosen], step_s, coefficients)
-    uneven = _stacked(laws, "uneven_nms_rad", speed.dtype)
-    return torque + uneven * np.abs(speed) if uneven.any() else torque
+            some = Coefficients(*(value[chosen] for value in stacked))
+            torque[:, chosen] = law.periodic_torque(signals[:, chosen], step_s, some)
+    uneven = _stacked(laws, "uneven_nms_rad", speed.dtype)[each]
+    return (torque + uneven * np.abs(signals) if uneven.any() else torque).reshape(speed.shape)
 
 
 def stacked_coefficients(law: FrictionLaw, frictions: Sequence[Friction]) -> Coefficients:

@@ -15,7 +15,7 @@ def started(shop, *command):
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     process = subprocess.Popen([sys.executable, "-m", "robid", *command], env=environment, cwd=shop.folder, **pipes)
     deadline = time.monotonic() + 300
-    while not list(shop.runs.glob("estimation/record.h5.parts/*.h5")):
+    while not list(shop.runs.glob("estimation/record.h5.parts/*.part")):
         if process.poll() is not None or time.monotonic() > deadline:
             process.kill()
             process.wait()
@@ -47,7 +47,7 @@ def test_a_second_command_names_the_first_and_a_dead_one_blocks_nobody(slow):
         process.wait()
     assert (slow.runs / ".lock").exists()
     old = slow.runs / "estimation" / "record.h5.parts"
-    assert list(old.glob("*.h5"))
+    assert list(old.glob("*.part"))
     slow.change("periods: 100", "periods: 2")
     slow.change("  estimation:", "  renamed:")
     slow.change("from: estimation", "from: renamed")

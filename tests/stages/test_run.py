@@ -269,7 +269,7 @@ def test_a_stopped_run_resumes_and_gives_the_same_content(shop, number, code):
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
     parts = shop.runs / "estimation" / "record.h5.parts"
     deadline = time.monotonic() + 60
-    while not list(parts.glob("*.h5")):
+    while not list(parts.glob("*.part")):
         assert process.poll() is None
         assert time.monotonic() < deadline
         time.sleep(0.005)
@@ -303,13 +303,13 @@ def test_a_killed_fit_goes_on_with_the_starts_that_are_left_and_gives_the_same_c
             [*command, *options], env=environment, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL
         )
         deadline = time.monotonic() + 60
-        while len(list(parts.glob("*.h5"))) < count:
+        while len(list(parts.glob("*.part"))) < count:
             assert process.poll() is None
             assert time.monotonic() < deadline
             time.sleep(0.005)
         process.kill()
         process.communicate(timeout=60)
-        return len(list(parts.glob("*.h5")))
+        return len(list(parts.glob("*.part")))
 
     ended = kill_after(2)
     assert ended < 60

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.results.scale import COUNTS, SCALES, Scale
@@ -64,10 +66,20 @@ class Seen:
     value: FloatArray  # (n_seen,) Logarithms
     covariance: FloatArray  # (n_seen, n_seen) How far they may be off
 
+    @cached_property
+    def _whitened(self) -> tuple[FloatArray, FloatArray]:
+        """Rows and values over their deviations: as independent ones of variance 1."""
+        if not self.value.size:
+            return self.rows, self.value
+        factor, both = np.linalg.cholesky(self.covariance), np.column_stack([self.rows, self.value])
+        both = solve_triangular(factor, both, lower=True)
+        return both[:, :-1], both[:, -1]
+
     def cost(self, log: FloatArray) -> float:
         """Squared deviations that a hypothesis leaves."""
-        left = self.value - self.rows @ log
-        return float(left @ np.linalg.solve(self.covariance, left)) if left.size else 0.0
+        rows, value = self._whitened
+        left = value - rows @ log
+        return float(left @ left)
 
     def farthest(self, log: FloatArray) -> float:
         """Largest deviation that it leaves."""
@@ -76,10 +88,10 @@ class Seen:
 
     def share(self, log: FloatArray) -> tuple[float, float]:
         """How much of a hypothesis the data see, with its standard deviation; 1 where all of it."""
-        column = self.rows @ log
-        weighted = np.linalg.solve(self.covariance, column)
-        size = float(column @ weighted)
-        return (float(self.value @ weighted) / size, 1 / float(np.sqrt(size))) if size > 0 else (0.0, np.inf)
+        rows, value = self._whitened
+        column = rows @ log
+        size = float(column @ column)
+        return (float(value @ column) / size, 1 / float(np.sqrt(size))) if size > 0 else (0.0, np.inf)
 
 
 def joined(parts: Sequence[Seen]) -> Seen:

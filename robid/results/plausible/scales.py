@@ -85,13 +85,15 @@ class _Scene:
         self._delay_s = declared_s
         self._fixed = [self._pairs(), self._slopes(), self._gravity()]
         self._levels: dict[float, Seen] = {}
+        self._told: dict[float, Seen] = {}
 
     def told(self, log: FloatArray) -> Seen:
         """What the data decide, seen by a hypothesis."""
         time = float(np.exp(log[-1]))
-        if time not in self._levels:
+        if time not in self._told:
             self._levels[time] = self._level(time)
-        return joined([self._levels[time], *self._fixed])
+            self._told[time] = joined([self._levels[time], *self._fixed])
+        return self._told[time]
 
     def likely(self) -> Seen:
         """What is usual: sampling periods, and torques and speeds of some tenths of what motors can do."""

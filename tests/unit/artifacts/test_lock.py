@@ -70,7 +70,7 @@ def test_a_lock_that_says_nothing_is_still_one(tmp_path):
 
 
 def test_what_nobody_resumes_is_removed_and_the_rest_stays(tmp_path):
-    part = f"00000.{'0' * 16}.h5"
+    part = f"00000.{'0' * 16}.part"
     paths = {
         "a/record.h5.parts": [part, f"{part}.partial", f"{part}.0123abcd.partial"],
         "gone/record.h5.parts": [part, f"{part}.partial", f"{part}.0123abcd.partial"],

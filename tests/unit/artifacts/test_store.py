@@ -354,9 +354,16 @@ def test_large_arrays_are_compressed_in_chunks_along_the_first_axis(tmp_path: Pa
 
 
 def test_long_vectors_have_few_chunks(tmp_path: Path) -> None:
-    write_artifact(tmp_path / "thing.h5", _thing(datasets={"x": Dataset(np.zeros(100_000), "1", ("line",))}))
+    write_artifact(tmp_path / "thing.h5", _thing(datasets={"x": Dataset(np.zeros(100_000, int), "1", ("line",))}))
     with h5py.File(tmp_path / "thing.h5") as file:
         assert 100_000 // file["x"].chunks[0] < 20
+
+
+def test_noise_of_full_precision_is_stored_as_it_is(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).standard_normal(100_000)
+    write_artifact(tmp_path / "thing.h5", _thing(datasets={"x": Dataset(noise, "1", ("line",))}))
+    with h5py.File(tmp_path / "thing.h5") as file:
+        assert file["x"].compression is None
 
 
 @pytest.mark.parametrize("value", [None, [1, "a"], [[1]], {"a": 1}, object()])

@@ -7,7 +7,7 @@ import pytest
 
 from closed_loops import N_SAMPLE, loop_record
 from robid.errors import DataError
-from robid.frf.channels import saturated_shares, saturation_error
+from robid.frf.channels import limit_shares, saturation_error
 from robid.frf.checks import check_record, refuse_faults
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
@@ -138,15 +138,15 @@ def test_a_response_is_off_by_about_what_saturation_says():
         configurations=np.zeros((1, 1)),
         excited_lines=np.arange(1, 100),
     )
-    (share,), outputs = saturated_shares(record)
+    ((share,),), outputs = limit_shares(record).levels(1).values()
     np.testing.assert_allclose(share, np.mean(np.abs(clipped) == 1.5), rtol=0.03)
     np.testing.assert_array_equal(outputs, 0.0)
     off = abs(np.mean(signal**2) / np.mean(signal * clipped) - 1)
     np.testing.assert_allclose(saturation_error(share), off, rtol=0.03)
     sound = replace(record, inputs=signal, outputs=np.concatenate([clipped, clipped], axis=-1))
-    inputs, outputs = saturated_shares(sound)
+    inputs, outputs = limit_shares(sound).levels(1).values()
     np.testing.assert_array_equal(inputs, 0.0)
-    np.testing.assert_allclose(outputs, [0, share], rtol=0.03)
+    np.testing.assert_allclose(outputs, [[0, share]], rtol=0.03)
 
 
 def test_a_signal_of_two_values_is_not_saturated(good):

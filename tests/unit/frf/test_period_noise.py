@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from linear_loop import Loop, draw_reference, loop_record
-from robid.frf.covariance import period_noise
 from robid.frf.estimate import estimate_frf
 from robid.frf.options import EstimateOptions
+from robid.frf.period_noise import period_noise
 from robid.signals.quantities import Channel, motor_channels
 from robid.signals.record import Record
 
