@@ -146,10 +146,10 @@ def _part(body: memoryview, *, rows: bool) -> Part:
 
 def _label(said: dict[str, Any]) -> Label:
     """A label as its JSON says it."""
+    values: dict[str, Any] = said["label"]
     lists = ("shape", "axes", "scales", "digests")
-    return Label(
-        **{key: tuple(value) if key in lists and value is not None else value for key, value in said["label"].items()}
-    )
+    kept = {key: tuple(value) if key in lists and value is not None else value for key, value in values.items()}
+    return Label(**kept)
 
 
 def _contents(label: Label, values: NDArray[Any]) -> list[bytes]:
