@@ -148,7 +148,9 @@ def _label(said: dict[str, Any]) -> Label:
     """A label as its JSON says it."""
     values: dict[str, Any] = said["label"]
     lists = ("shape", "axes", "scales", "digests")
-    kept = {key: tuple(value) if key in lists and value is not None else value for key, value in values.items()}
+    kept: dict[str, Any] = {
+        key: tuple(value) if key in lists and value is not None else value for key, value in values.items()
+    }
     return Label(**kept)
 
 
