@@ -42,11 +42,21 @@ class Drives:
         self._ctrl = batch.ctrl[:, : len(names)]
         self._wait, self._part = _samples(options.truth.late_torque_s, names, self._period_s)
         self._wait += controller.delay_samples
+        # Asked in every sample: whether torques change within it, and whether angles come late.
+        self._splits, self._alike = bool(self._part.any()), bool((self._wait == self._wait[0]).all())
         held = np.broadcast_to(rest_torque, self._ctrl.shape).copy()
-        self._sent = [held] * (int(self._wait.max()) + 1)  # the latest first
+        self.sent = [held] * (int(self._wait.max()) + 1)  # (n_sim, n_motor) each, the latest first
         self._age, self._share = _samples(options.truth.late_angle_s, names, self._period_s)
-        still = model.motor_angles(batch.qpos), np.zeros(self._ctrl.shape)
-        self._seen = [still] * (int(self._age.max()) + 2)  # angles and speeds, the latest first
+        self._lags = bool(self._age.any() or self._share.any())
+        self.begin(self.sent)
+
+    def begin(self, sent: list[FloatArray]) -> None:
+        """Begins where the batch is, with torques (n_sim, n_motor) that were sent before, the latest first [N m]."""
+        self.sent = sent
+        angle, speed = self._qpos[:, self._motor] * self._turns, self._qvel[:, self._motor] * self._turns
+        # Angles and speeds, the latest first, as if the motors had kept theirs.
+        ages = range(1, int(self._age.max()) + 3)
+        self._seen = [(angle - age * self._period_s * speed, speed) for age in ages]
 
     def read(self, noise: FloatArray) -> FloatArray:
         """Returns what the encoders show (n_sim, n_motor) at the beginning of a sample, noise (n_sim, n_motor) on it.
@@ -54,7 +64,7 @@ class Drives:
         Once a sample: late angles are those of samples before.
         """
         angle = self._qpos[:, self._motor] * self._turns
-        if self._age.any() or self._share.any():
+        if self._lags:
             angle = self._late(angle)
         return encoder_readings(angle, noise, self._flaws)
 
@@ -71,16 +81,17 @@ class Drives:
 
     def send(self, command: FloatArray, disturbance: FloatArray) -> None:
         """Sends torques (n_sim, n_motor) at the beginning of a sample, a disturbance of what acts beside [N m]."""
-        self._sent = [command.copy(), *self._sent]
-        self._now, self._done = _of_each(self._sent, self._wait) + disturbance, 0
-        if self._part.any():
-            self._before = _of_each(self._sent, self._wait + 1) + disturbance
-        self._sent.pop()
+        self.sent = [command.copy(), *self.sent]
+        due = self.sent[int(self._wait[0])] if self._alike else _of_each(self.sent, self._wait)
+        self._now, self._done = due + disturbance, 0
+        if self._splits:
+            self._before = _of_each(self.sent, self._wait + 1) + disturbance
+        self.sent.pop()
         self._ctrl[:] = self._now
 
     def step(self, count: int) -> None:
         """Runs so many of the sample's steps."""
-        if not self._part.any():
+        if not self._splits:
             self._batch.step(nstep=count)
             return
         for _ in range(count):
@@ -107,8 +118,6 @@ def _samples(late_s: Mapping[str, float], names: list[str], period_s: float) -> 
 
 def _of_each(values: list[FloatArray], age: IntArray) -> FloatArray:
     """Of values (n_sim, n_motor) of some samples, the latest first, each motor's own of some age (n_motor,)."""
-    if (age == age[0]).all():
-        return values[int(age[0])]
     return np.stack([values[old][:, motor] for motor, old in enumerate(age.tolist())], axis=1)
 
 

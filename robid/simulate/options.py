@@ -202,7 +202,12 @@ class SimulateOptions:
     steps_per_sample: int | None = option(
         None, "RK4 steps per controller sample; as many as modes and friction need when not given.", ge=1, le=64
     )
-    transient_periods: int = option(1, "Periods dropped before recording.", ge=0)
+    transient_periods: int = option(
+        1,
+        "Periods dropped before recording. With one or more the simulation starts in the periodic steady state that "
+        "the linearised loop predicts, and only as much is simulated before the record as it needs to settle.",
+        ge=0,
+    )
     measured_pose: Literal["motors", "tool"] = option(
         "motors",
         "Of a `pose_chirp`: the pose from motor encoders and the rigid arm, as controllers report it, or the "

@@ -1,5 +1,7 @@
 """The stages of the default experiment against the least that each would have to do."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -30,13 +32,12 @@ def same_model(experiment):
     return model.mujoco, solve_statics(model, CONFIGURATION[None])
 
 
-def test_closed_loop_against_raw_rollout(compare):
-    experiment = default_experiment(1.0, 1)
-    record = simulate(experiment, CONFIGURATION, 0)
+def open_loop(experiment, periods):
+    """Model, states at rest and the torques that the closed loop commands, over so many periods."""
+    record = simulate(replace(experiment, periods=1), CONFIGURATION, 0)
     model, rest = same_model(experiment)
     n_sample, n_motor = record.inputs.shape[4:]
-    played = record.inputs.reshape(-1, n_sample, n_motor)
-    torque = np.concatenate([played] * (experiment.options.transient_periods + experiment.periods), axis=1)
+    torque = np.concatenate([record.inputs.reshape(-1, n_sample, n_motor)] * periods, axis=1)
     data, kind = mujoco.MjData(model), mujoco.mjtState.mjSTATE_FULLPHYSICS
     data.qpos[:], data.ctrl[:] = rest.position[0], rest.motor_torque[0]
     state = np.empty(mujoco.mj_stateSize(model, kind))
@@ -44,11 +45,33 @@ def test_closed_loop_against_raw_rollout(compare):
     states = np.tile(state, (len(torque), 1))
     reached, _ = rollout.rollout(model, [data], states, torque)
     assert np.isfinite(reached).all(), "the open loop must not blow up: it would cost something else"
+    return model, states, torque
+
+
+def test_closed_loop_against_raw_rollout(compare):
+    """As many samples as the closed loop runs: from rest, all of them recorded."""
+    experiment = default_experiment(1.0, 2)
+    experiment = replace(experiment, options=replace(experiment.options, transient_periods=0))
+    model, states, torque = open_loop(experiment, 2)
+    data = mujoco.MjData(model)
     compare(
         "simulate.vs_rollout",
         ours=lambda: simulate(experiment, CONFIGURATION, 0),
         reference=lambda: rollout.rollout(model, [data], states, torque),
         rounds=9,
+    )
+
+
+def test_kept_samples_against_raw_rollout(compare):
+    """Two periods of 5 s as the default experiment records them, what comes before them included."""
+    experiment = default_experiment(5.0, 2)
+    model, states, torque = open_loop(experiment, experiment.periods)
+    data = mujoco.MjData(model)
+    compare(
+        "simulate.useful_vs_rollout",
+        ours=lambda: simulate(experiment, CONFIGURATION, 0),
+        reference=lambda: rollout.rollout(model, [data], states, torque),
+        rounds=5,
     )
 
 

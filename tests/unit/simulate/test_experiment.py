@@ -201,9 +201,7 @@ def test_noise_is_seeded_by_configuration_and_campaign():
 def test_explosion_is_refused_and_leaves_no_file(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     run = experiment(with_spring_factors(two_joint_robot(), 1e6, 1e6), period_s=0.2, count=4)
-    with pytest.raises(
-        DataError, match=r"configuration 8 at \[ 17.2 -45.8\] deg: D217 the simulation blew up in period 1"
-    ):
+    with pytest.raises(DataError, match=r"configuration 8 at \[ 17.2 -45.8\] deg: D217 the simulation blew up"):
         simulate(run, CONFIGURATION, 7)
     assert list(tmp_path.iterdir()) == []
     assert capfd.readouterr() == ("", "")
