@@ -291,7 +291,7 @@ def test_a_stopped_run_resumes_and_gives_the_same_content(shop, number, code):
 
 
 def test_a_killed_fit_goes_on_with_the_starts_that_are_left_and_gives_the_same_content(done):
-    done.change("starts: 2", "starts: 60")
+    done.change("starts: 2", "starts: 60, agreeing_starts: 0")
     command = [sys.executable, "-m", "robid", "fit", "small.yaml"]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
     model = done.runs / "fits" / "elastic" / "model.h5"
@@ -323,7 +323,7 @@ def test_a_killed_fit_goes_on_with_the_starts_that_are_left_and_gives_the_same_c
     # With other settings nothing of an earlier run counts.
     kill_after(1, "--force")
     model.unlink()
-    done.change("starts: 60", "starts: 5")
+    done.change("starts: 60, agreeing_starts: 0", "starts: 5")
     answer = done.robid("fit", "small.yaml")
     assert "from an earlier run" not in answer.err
     assert not parts.exists()

@@ -17,20 +17,24 @@ from robid.results.levenberg import Minimum, Status
 
 def resuming_map(work: Work, kept: Parts | None) -> Callable[[Callable[[Any], Any], Sequence[Any]], list[Any]]:
     """Returns the map of a fit: descents that an earlier run has finished are read, others kept as they end."""
+    begun = 0
 
     def mapped(function: Callable[[Any], Any], tasks: Sequence[Any]) -> list[Any]:
+        nonlocal begun
         if kept is None or function is not descend:
             return work.map(function, tasks, lambda _index, _result: work.progress.advance())
-        ended = {index: _minimum(kept.read(index)) for index in range(len(tasks)) if kept.has(index)}
-        left = [index for index in range(len(tasks)) if index not in ended]
+        # Starts come in rounds; each is kept by its place among all of them.
+        places, begun = range(begun, begun + len(tasks)), begun + len(tasks)
+        ended = {place: _minimum(kept.read(place)) for place in places if kept.has(place)}
+        left = [place for place in places if place not in ended]
 
-        def keep(place: int, end: Minimum) -> None:
-            kept.write(left[place], _part(end))
+        def keep(index: int, end: Minimum) -> None:
+            kept.write(left[index], _part(end))
             work.progress.advance()
 
-        found = work.map(function, [tasks[index] for index in left], keep)
+        found = work.map(function, [tasks[place - places.start] for place in left], keep)
         every = ended | dict(zip(left, found, strict=True))
-        return [every[index] for index in range(len(tasks))]
+        return [every[place] for place in places]
 
     return mapped
 

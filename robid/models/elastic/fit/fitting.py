@@ -22,7 +22,7 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.parameters import ParameterMap, map_parameters
 from robid.models.elastic.fit.problem import Problem, make_problem, without_coefficients
 from robid.models.elastic.fit.rest_model import rest_model
-from robid.models.elastic.fit.result import make_solution
+from robid.models.elastic.fit.result import distinct_minima, make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fit.uncertainty import Map, cubic_covariance, influence, structured_covariance
 from robid.results.levenberg import Minimum
@@ -173,7 +173,7 @@ def fit_elastic(
     problem, dropped = set_up(robot, frf, options, delay_s)
     predicted = _predicted_std(problem)
     check_influence(problem)
-    ends: list[Minimum] = parallel_map(descend, _tasks(problem, robot, options, delay_s, near))
+    ends = _ends(parallel_map, _tasks(problem, robot, options, delay_s, near), options.agreeing_starts)
     best = min(ends, key=lambda end: end.cost)
     begun = _Reached(problem, dropped, best, options, partial(set_up, robot, frf, options, delay_s))
     reached = _on_better_sides(_update(begun, np.zeros(predicted.size)))
@@ -190,6 +190,16 @@ def _predicted_std(problem: Problem) -> FloatArray:
     return np.sqrt(np.diag(structured_covariance(problem, expected) + nuisance))
 
 
+def _ends(parallel_map: Map, tasks: Sequence[_Task], agreeing: int) -> list[Minimum]:
+    """Where the descents end, until enough of them agree on the best minimum; those of a round run side by side."""
+    size, ends = agreeing or len(tasks), list[Minimum]()
+    while len(ends) < len(tasks):
+        ends += parallel_map(descend, tasks[len(ends) : len(ends) + size])
+        if agreeing and int((distinct_minima(np.array([end.cost for end in ends])) == 0).sum()) >= agreeing:
+            break
+    return ends
+
+
 _Task: TypeAlias = tuple[Strategy, FloatArray, bool]
 
 
@@ -203,7 +213,9 @@ def _tasks(
     starts = _with_delay(problem.parameters, starts, undeclared_delay(driving_points(problem.frf), delay_s))
     # The robot file's values may be so near that stages only lead away from them.
     tasks = [(strategy, start, index == 0) for index, start in enumerate(starts)]
-    return [*tasks, *((strategy, start, True) for start in _at_other_samples(problem, starts[0]))]
+    # Other samples of the delay come early: they are no mere repetitions, which agreement makes needless.
+    others = [(strategy, start, True) for start in _at_other_samples(problem, starts[0])]
+    return [tasks[0], *others, *tasks[1:]]
 
 
 def _at_other_samples(problem: Problem, start: FloatArray) -> list[FloatArray]:

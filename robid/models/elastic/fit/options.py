@@ -65,7 +65,10 @@ class ElasticOptions:
     bounds: Mapping[str, tuple[float, float]] = group(
         dict, "Lower and upper bound of single parameters, by name, in their own units."
     )
-    starts: int = option(1, "Number of starts; the first is the robot file's values.", ge=1)
+    starts: int = option(1, "Most starts; the first is the robot file's values.", ge=1)
+    agreeing_starts: int = option(
+        4, "Starts that end in the best minimum after which no further ones are made; 0 makes all of them.", ge=0
+    )
     start_decades: float = option(1.0, "Further starts are log-uniform within this many decades.", ge=0)
     prior_decades: float = option(
         1.0,

@@ -1,15 +1,21 @@
 """The way from a start to a minimum: minima that lock a joint are left, other parameters keep their start."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from exact_systems import exact_frf, friction_frf, two_joint_robot, with_spring_factors
+from robid.artifacts.parts import Parts
+from robid.artifacts.results import START
 from robid.models.elastic.fit import optimizers as module
-from robid.models.elastic.fit.fitting import draw_starts, set_up
+from robid.models.elastic.fit.fitting import _ends, descend, draw_starts, fit_elastic, set_up
 from robid.models.elastic.fit.optimizers import make_strategy
 from robid.models.elastic.fit.options import ElasticOptions
+from robid.models.elastic.kept_starts import resuming_map
+from robid.models.family import Work
+from robid.results.levenberg import Minimum
 
 CONFIGURATIONS = np.array([[-0.3, 0.5], [0.4, -1.0], [0.9, 1.2]])
 FREQUENCY_HZ = np.unique(np.round(np.geomspace(1, 60, 40), 1))
@@ -112,3 +118,54 @@ def test_an_inertia_that_is_known_beforehand_is_never_lost():
     weak = replace(strategy.coarse, weight=1e-12 * strategy.coarse.weight)
     lost = module._lost(weak, vanished)
     assert {name for name, gone in zip(names, lost, strict=True) if gone} <= set(names[:4])
+
+
+def fitted(agreeing, costs):
+    """How many descents are made where they end at these costs."""
+    made = []
+
+    def at_cost(function, tasks):
+        assert function is descend
+        ends = [Minimum(task[1], costs[len(made) + place], 1, "converged", 1) for place, task in enumerate(tasks)]
+        made.extend(ends)
+        return ends
+
+    tasks = [(None, np.zeros(1), False)] * len(costs)
+    return [end.cost for end in _ends(at_cost, tasks, agreeing)]
+
+
+def test_starts_end_once_enough_of_them_agree_on_the_best_minimum():
+    assert fitted(3, [2.0, 2.0001, 2.0, 1.0, 1.0]) == [2.0, 2.0001, 2.0]
+    assert fitted(3, [2.0, 2.0, 5.0, 9.0, 2.0, 1.0, 1.0]) == [2.0, 2.0, 5.0, 9.0, 2.0, 1.0, 1.0]
+    assert fitted(3, [2.0, 2.0, 5.0, 9.0, 2.0, 3.0, 1.0]) == [2.0, 2.0, 5.0, 9.0, 2.0, 3.0]
+    assert fitted(0, [2.0] * 7) == [2.0] * 7
+    assert fitted(4, [2.0]) == [2.0]
+
+
+def test_fewer_starts_that_agree_find_the_minimum_of_all():
+    robot = with_spring_factors(two_joint_robot(), [1.3, 0.8, 1.2, 0.9])
+    frf = exact_frf(robot, CONFIGURATIONS, FREQUENCY_HZ, delay_s=1e-3, relative_noise=0.005, seed=1)
+    few, every = (
+        fit_elastic(two_joint_robot(), frf, ElasticOptions(starts=12, agreeing_starts=count), 1e-3) for count in (3, 0)
+    )
+    assert len(few.starts.cost) < len(every.starts.cost) == 12
+    np.testing.assert_allclose(few.costs.total, every.costs.total, rtol=1e-6)
+
+
+def test_rounds_of_starts_go_on_where_they_were_killed(tmp_path):
+    kept, made = Parts(tmp_path / "model.h5", START, "0123456789abcdef"), []
+
+    def work_map(_function, tasks, on_done):
+        ends = [Minimum(np.array([task]), task, 1, "converged", 1) for task in tasks]
+        made.extend(tasks)
+        for index, end in enumerate(ends):
+            on_done(index, end)
+        return ends
+
+    work = Work(work_map, SimpleNamespace(advance=lambda: None), None)
+    first = resuming_map(work, kept)
+    assert [end.cost for end in first(descend, [1.0, 2.0])] == [1.0, 2.0]
+    again = resuming_map(work, kept)
+    assert [end.cost for end in again(descend, [1.0, 2.0])] == [1.0, 2.0]
+    assert [end.cost for end in again(descend, [3.0, 4.0])] == [3.0, 4.0]
+    assert made == [1.0, 2.0, 3.0, 4.0]
