@@ -14,6 +14,7 @@ from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
 from robid.pipeline.stage import Job, Plan, Stage, check_room
+from robid.settings.other_files import opened
 
 if TYPE_CHECKING:
     from robid.backends.map import Map, Progress
@@ -213,6 +214,9 @@ def _check_files(node: Node) -> None:
         message = f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}"
         remedy = "correct `file`, or set ROBID_DATA to the folder with the data"
         raise DataError(message, where=str(missing[0][1]), remedy=remedy)
+    for path in node.plan.files.values():
+        if not path.is_dir():
+            opened(path).close()
 
 
 def execute(

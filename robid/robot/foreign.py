@@ -12,6 +12,7 @@ import numpy as np
 
 from robid.arrays import LARGEST
 from robid.errors import DataError
+from robid.files import read_regular
 from robid.robot.foreign_parts import (
     Bond,
     Constraint,
@@ -86,7 +87,7 @@ def read_model(path: Path) -> ForeignModel:
         DataError: If it cannot be read as either.
     """
     try:
-        root = _parsed(path.read_bytes())
+        root = _parsed(read_regular(path))
         with quiet_reading() as told:
             model = _read(path, root)
         warned = (f"{path.name}: MuJoCo warns: {' '.join(text.split())}" for text in dict.fromkeys(told))
