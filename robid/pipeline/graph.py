@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Literal
 from robid.artifacts.atomic import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
+from robid.pipeline.estimates import refuse_too_large as refuse_stages
 from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
 from robid.pipeline.stage import Job, Plan, Stage, check_room
 from robid.settings.other_files import opened
@@ -194,6 +195,7 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
     states = examine(run, nodes)
     due = [node for node, state in states.items() if state.status != "fresh"]
+    refuse_too_large(run, due)
     # What killed runs left and none resumes goes: parts of what is fresh or unknown, unfinished files.
     fresh = {path for node in nodes if node not in due for path in node.plan.outputs}
     known = {path for node in graph(run.loaded) for path in node.plan.outputs}
@@ -205,6 +207,12 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     for node in due:
         _check_files(node)
         check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
+
+
+def refuse_too_large(run: Run, nodes: Iterable[Node]) -> None:
+    """Refuses nodes that need more than this machine has, see `robid.pipeline.estimates`."""
+    workers = None if run.scheduler is not None else run.at_a_time
+    refuse_stages(run.loaded, [(node.stage.name, node.owner) for node in nodes], run.folder, workers)
 
 
 def _check_files(node: Node) -> None:
@@ -227,6 +235,7 @@ def execute(
     Raises:
         RobidError: With the experiment file and the campaign, design or fit in its place.
     """
+    refuse_too_large(run, [node])
     _check_files(node)
     check_outputs(run.loaded, node.stage, node.plan, inputs, output)
     check_room(output, _SMALL_BYTES + node.plan.needed_bytes)

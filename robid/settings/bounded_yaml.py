@@ -22,7 +22,7 @@ from robid.errors import SettingsError
 
 MOST_BYTES = 2 << 20
 """Size of a settings file; the largest examples have a hundredth."""
-MOST_NODES = 50_000  # keys and values, a second's work; 5,000 configurations of a robot with six axes have 40,000
+MOST_NODES = 30_000  # keys and values, a second's work; 4,000 configurations of a robot with six axes have 28,000
 DEEPEST = 40  # sections within sections; experiments have about ten
 _LONGEST_KEY = 200
 _MOST_DIGITS = 18  # whole numbers of so many fit 64 bits

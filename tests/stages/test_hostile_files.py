@@ -1,4 +1,4 @@
-"""Pipes and devices in the place of files that users name: refused at once, and nothing waits for who writes to them."""
+"""Pipes and devices in the place of files that users name: refused at once, and nothing waits for a writer."""
 
 import os
 import shutil
