@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Literal
 from robid.artifacts.atomic import remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
-from robid.pipeline.estimates import refuse_too_large as refuse_stages
 from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
 from robid.pipeline.stage import Job, Plan, Stage, check_room
 from robid.settings.other_files import opened
@@ -211,6 +210,8 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
 
 def refuse_too_large(run: Run, nodes: Iterable[Node]) -> None:
     """Refuses nodes that need more than this machine has, see `robid.pipeline.estimates`."""
+    from robid.pipeline.estimates import refuse_too_large as refuse_stages
+
     workers = None if run.scheduler is not None else run.at_a_time
     refuse_stages(run.loaded, [(node.stage.name, node.owner) for node in nodes], run.folder, workers)
 
