@@ -15,6 +15,7 @@ from robid.pipeline.graph import Node, Run, asked_for, examine, refuse_too_large
 from robid.pipeline.terminal import status_lines
 
 _LITTLE_BYTES = 10e6
+_HEAD = ("output", "status", "needs")
 
 
 @dataclass(frozen=True)
@@ -55,7 +56,7 @@ def dry_run(run: Run, *, as_json: bool) -> int:
         return 0
     rows = [(node.output, state.status, _told(state, needed)) for node, state, needed in needs]
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else None
-    print("\n".join([*status_lines(rows, width), f"run folder: {run.folder}; nothing was made"]))  # noqa: T201
+    print("\n".join([*status_lines(rows, width, _HEAD), f"run folder: {run.folder}; nothing was made"]))  # noqa: T201
     return 0
 
 

@@ -28,6 +28,7 @@ _DRAWN_COPIES = 6  # of an excitation's samples
 _MATRICES = 40  # of the size of a response that a fit keeps: covariances, weights, slopes
 _SAMPLE_S, _MOTION_S = 1e-4, 2e-5  # of a simulated sample [s]: for all motions at once, and for each motor and motion
 _MOTORS = 6
+_OF_A_JOINT, _USUAL_CANDIDATES = 4, 300  # parameters that are wanted, and candidates
 _LONGEST_S = 90 * 86400.0
 _USUAL = {"excitation.period_s": 5.0, "periods": 4, "realizations": 4, "configurations": 15, "excitation.count": 60}
 _CGROUPS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
@@ -111,6 +112,16 @@ def _driver(name: str, size: _Size, *settings: str) -> str:
 _OF_RECORD = ("excitation.period_s", "periods", "realizations", "configurations")
 
 
+def _design(loaded: LoadedExperiment, owner: str, _workers: int) -> Estimate:
+    """Information of every candidate under every draw."""
+    design = loaded.experiment.designs[owner]
+    campaign = loaded.experiment.campaigns[design.campaign]
+    n_conf, n_param = configuration_count(loaded.experiment, campaign) or 1, _OF_A_JOINT * len(loaded.robot.joints)
+    candidates = f"campaigns.{design.campaign}.configurations: {n_conf}"
+    driver = f"designs.{owner}.draws: {design.draws}" if design.draws > n_conf / _USUAL_CANDIDATES else candidates
+    return Estimate(8.0 * design.draws * n_conf * n_param**2, 8.0 * n_conf * n_param**2, None, driver)
+
+
 def _excitation(loaded: LoadedExperiment, owner: str, _workers: int) -> Estimate:
     size = _size(loaded, owner)
     drawn = 8.0 * size.n_block * size.n_sample * size.n_in
@@ -162,6 +173,7 @@ def _read(loaded: LoadedExperiment, owner: str, campaigns: Iterable[str]) -> Est
 
 
 _OF_STAGES: dict[str, Callable[[LoadedExperiment, str, int], Estimate]] = {
+    "design-configs": _design,
     "design-excitation": _excitation,
     "simulate-or-acquire": _record,
     "estimate-frf": _response,
