@@ -1,7 +1,7 @@
 """What each stage needs of memory, disk and time, by arithmetic on the settings, held against what the machine has.
 
-The estimates were measured on a KR300 and a two-inertia drive. They are good within a factor of two, which is enough to
-refuse what no such machine can hold, and to tell minutes from weeks.
+Memory and time of simulated records were measured on a KR300 and a two-inertia drive, within a factor of two; the others
+follow from the sizes of their arrays. That is enough to refuse what no such machine can hold.
 """
 
 from __future__ import annotations
