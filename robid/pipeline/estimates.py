@@ -1,6 +1,6 @@
 """What each stage needs of memory, disk and time, by arithmetic on the settings, held against what the machine has.
 
-Memory and time of simulated records were measured on a KR300 and a two-inertia drive, within a factor of two; the others
+Memory and time of simulated records were measured on a KR300 and a two-inertia drive, within a factor of two; others
 follow from the sizes of their arrays. That is enough to refuse what no such machine can hold.
 """
 
