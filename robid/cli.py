@@ -130,15 +130,23 @@ def run_everything(
     run_dir: RunFolder = None,
     strict: Strict = False,
     as_json: AsJson = False,
+    dry: Annotated[
+        bool, typer.Option("--dry-run", help="Say what would be made and what it needs; make and write nothing.")
+    ] = False,
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
     _debug: Debug = False,
 ) -> int:
     """Runs everything that is not fresh, in order; goes on where a killed run stopped."""
+    run = _open(experiment, run_dir, backend, workers, scheduler)
+    if dry:
+        from robid.commands.dry_run import dry_run
+
+        return dry_run(run, as_json=as_json)
     from robid.commands.run import run_experiment
 
-    return run_experiment(_open(experiment, run_dir, backend, workers, scheduler), strict=strict, as_json=as_json)
+    return run_experiment(run, strict=strict, as_json=as_json)
 
 
 @app.command("reprocess")

@@ -18,6 +18,7 @@ import numpy as np
 
 from robid.artifacts.artifact import utc_now
 from robid.errors import ArtifactError
+from robid.files import read_regular_text
 
 PARTS = ".parts"
 
@@ -105,7 +106,7 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
     """
     remedy = f"`{made_by}` makes it again"
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return json.loads(read_regular_text(path))
     except FileNotFoundError as error:
         raise ArtifactError("A002 The file is missing.", where=str(path), remedy=remedy) from error
     except (OSError, ValueError) as error:

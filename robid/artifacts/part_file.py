@@ -22,6 +22,7 @@ from robid.artifacts.artifact import Artifact, Attribute, Kind, Label, Provenanc
 from robid.artifacts.atomic import replacing
 from robid.artifacts.layout import COMPRESSION_LEVEL, DAMAGE, chunk_shape, text_in, text_out
 from robid.artifacts.store import check_kind, damaged, missing
+from robid.files import open_regular
 
 _MAGIC = b"robid part 1\n"
 _LENGTH_BYTES, _HASH_BYTES = 8, 32
@@ -94,7 +95,8 @@ def read_part(path: Path, kind: Kind) -> Part:
     if not path.exists():
         raise missing(path, kind)
     try:
-        content = path.read_bytes()
+        with open_regular(path) as file:
+            content = file.read()
         body = content[:-_HASH_BYTES]
         if hashlib.sha256(body).digest() != content[-_HASH_BYTES:]:
             raise ValueError("its content does not match its hash")
@@ -110,7 +112,7 @@ def read_start(path: Path, kind: Kind) -> Part:
     if not path.exists():
         raise missing(path, kind)
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             begun = file.read(len(_MAGIC) + _LENGTH_BYTES)
             header = file.read(int.from_bytes(begun[len(_MAGIC) :], "little"))
             shared = [each for each in json.loads(header)["datasets"].values() if not _label(each).by_row]

@@ -52,6 +52,7 @@ from robid.artifacts.layout import (
     write_dataset,
 )
 from robid.errors import ArtifactError
+from robid.files import check_regular, open_regular
 
 _FORMAT = "2"
 _HEADER = ("kind", "schema_version", "content_sha256", "provenance")
@@ -180,6 +181,7 @@ def read_attributes(path: Path, kind: Kind) -> dict[str, Any]:
 def kind_of(path: Path) -> str:
     """Returns the kind that a file says to be, of whatever version and however damaged; empty for another file."""
     try:
+        check_regular(path)
         with h5py.File(path, "r") as file:
             return str(get_attributes(file).get("kind", ""))
     except DAMAGE:
@@ -235,10 +237,11 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Res
     where = str(path)
     if not path.exists():
         raise missing(path, kind)
-    if kind is None and not h5py.is_hdf5(path):
+    if kind is None and not (path.is_file() and h5py.is_hdf5(path)):
         remedy = "name an .h5 file of a run folder"
         raise ArtifactError("A009 The file is not an artifact of robid.", where=where, remedy=remedy)
     try:
+        check_regular(path)
         with h5py.File(path, "r") as file:
             said = get_attributes(file)
             name, version, digest, provenance = (str(said[key]) for key in _HEADER)
@@ -279,7 +282,7 @@ def _identity(path: Path) -> tuple[object, ...]:
     """What the system says of a file; it differs when the file was written again."""
     try:
         # Opened, since a network's file system looks again when a file is opened, not when it is asked for.
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             status = os.fstat(file.fileno())
     except OSError:
         return ()

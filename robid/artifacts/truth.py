@@ -17,6 +17,7 @@ from robid.artifacts.atomic import json_text, read_json, replacing
 from robid.artifacts.kinds import RECORD
 from robid.artifacts.store import read_outline
 from robid.errors import ArtifactError
+from robid.files import read_regular, read_regular_text
 from robid.later import imported, later
 
 if TYPE_CHECKING:
@@ -130,7 +131,7 @@ def check_vouched(path: Path, record: Path) -> bool:
         ArtifactError: If it is missing, a folder, or not the one that the record was simulated with.
     """
     try:
-        found = hashlib.sha256(path.read_bytes()).hexdigest()
+        found = hashlib.sha256(read_regular(path)).hexdigest()
     except OSError as error:
         raise ArtifactError(
             f"A016 The truth cannot be read: {error.strerror or error}.", where=str(path), remedy=f"`{_MAKER}` makes it"
@@ -151,7 +152,7 @@ def check_vouched(path: Path, record: Path) -> bool:
 def is_truth(path: Path) -> bool:
     """Tells whether a file is the truth of some record."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(read_regular_text(path))
     except (OSError, ValueError):
         return False
     return isinstance(found, dict) and {"robot", "truth", "imperfections", "seed"} <= found.keys()

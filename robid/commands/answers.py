@@ -10,6 +10,7 @@ from pydantic.json_schema import GenerateJsonSchema
 from robid.commands.compare import CompareAnswer
 from robid.commands.compare_runs import RunsAnswer
 from robid.commands.doctor import DoctorAnswer
+from robid.commands.dry_run import RunDryRunAnswer
 from robid.commands.explain import ExplainAnswer, LettersAnswer
 from robid.commands.export import ExportAnswer
 from robid.commands.fit_try import TryAnswer
@@ -28,7 +29,7 @@ from robid.pipeline.chain import STAGES
 ANSWERS: dict[str, tuple[type[Answer], ...]] = {
     **{stage.name: (StageAnswer,) for stage in STAGES},
     "fit": (StageAnswer, TryAnswer),
-    "run": (RunAnswer,),
+    "run": (RunAnswer, RunDryRunAnswer),
     "reprocess": (BatchAnswer, RowAnswer, DryRunAnswer),
     "study": (StudyAnswer,),
     "export": (ExportAnswer,),

@@ -22,7 +22,9 @@ Scheduler: TypeAlias = Annotated[
         "--scheduler", metavar="ADDRESS", help="Overrides execution.scheduler: a Dask scheduler, for --backend dask."
     ),
 ]
-Workers: TypeAlias = Annotated[int | None, typer.Option("--workers", min=1, help="Overrides execution.workers.")]
+Workers: TypeAlias = Annotated[
+    int | None, typer.Option("--workers", min=1, max=1000, help="Overrides execution.workers.")
+]
 Strict: TypeAlias = Annotated[
     bool,
     typer.Option("--strict", help="Exit with 5 unless the model can be trusted, even where it predicts well."),

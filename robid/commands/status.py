@@ -15,7 +15,7 @@ from robid.commands.output import Answer, print_json
 from robid.commands.shared import Told, findings, told
 from robid.errors import SettingsError
 from robid.pipeline.freshness import State
-from robid.pipeline.graph import Node, Run, asked_for, examine, grade_of
+from robid.pipeline.graph import Node, Run, asked_for, examine, grade_of, refuse_too_large
 from robid.pipeline.terminal import Shell, make_console, status_lines
 from robid.report.wrapping import wrap
 from robid.settings.base import DATA_VARIABLE, data_path
@@ -49,14 +49,17 @@ def show_status(run: Run, *, as_json: bool) -> int:
     """Prints the state of every output; returns the exit code.
 
     Raises:
-        SettingsError: If the robot's model could not be read, so that nothing is known of what is fresh.
+        SettingsError: If the robot's model could not be read, so that nothing is known of what is fresh, or what is
+            to be made needs more than this machine has.
     """
     loaded = run.loaded
     if loaded.robot.lacks_model:
         where = f"{loaded.robot_path}: model: {loaded.robot.model}"
         what = f"{MODEL_NOT_THERE}, as there is no folder {data_path(DATA_VARIABLE, Path())}"
         raise SettingsError(what, where=where, remedy=SET_DATA_FOLDER)
-    states, looks = examine(run, asked_for(loaded)), other_units(loaded.experiment, loaded.robot)
+    states = examine(run, asked_for(loaded))
+    refuse_too_large(run, [node for node, state in states.items() if state.status != "fresh"])
+    looks = other_units(loaded.experiment, loaded.robot)
     if as_json:
         nodes = [_told(run, node, state) for node, state in states.items()]
         print_json(StatusAnswer(str(run.folder), tuple(nodes), tuple(looks), assumed_names(loaded.robot)))

@@ -21,6 +21,7 @@ from robid.artifacts.results import (
 from robid.artifacts.store import read_artifact, read_attributes, read_group, read_header
 from robid.errors import ArtifactError
 from robid.face.parameters import Parameters
+from robid.files import read_regular_text
 from robid.frf.joined import join
 from robid.models.residuals import STORED_RESIDUALS
 
@@ -182,7 +183,7 @@ class RunFolder:
     def figures(self) -> dict[str, float]:
         """What the run's summary says in numbers, by dotted name; none before a report was made."""
         path = self.folder / "summary.json"
-        return {} if not path.exists() else dict(json.loads(path.read_text(encoding="utf-8")))
+        return {} if not path.exists() else dict(json.loads(read_regular_text(path)))
 
     def _owners(self, pattern: str) -> dict[str, Path]:
         return {path.parent.name: path for path in sorted(self.folder.glob(pattern))}

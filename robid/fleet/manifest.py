@@ -17,6 +17,7 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import SettingsError, require_module
+from robid.files import check_regular, read_regular
 from robid.settings.other_files import SUFFIXES, refuse_binary, unreadable
 from robid.settings.placeholders import Row, Value
 
@@ -94,7 +95,7 @@ def _read_csv(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Value]]
             what, where=str(path), remedy="`robid reprocess MANIFEST.csv EXPERIMENT.yaml`, in this order"
         )
     try:
-        content = path.read_bytes()
+        content = read_regular(path)
         refuse_binary(path, content, "a manifest as CSV or Parquet")
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
     except OSError as error:
@@ -132,6 +133,7 @@ def _read_parquet(path: Path) -> tuple[tuple[str, ...], list[tuple[str, list[Val
     import pyarrow.parquet as pq
 
     try:
+        check_regular(path)
         table = pq.read_table(path)
     except (OSError, pa.ArrowException) as error:
         first = str(error).splitlines()[0]

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from robid.artifacts.atomic import json_text, read_json, write_json
 from robid.errors import ArtifactError
+from robid.files import read_regular_text
 from robid.fleet.comparison import Compared, Comparison
 from robid.fleet.drift import Drift
 from robid.fleet.ledger import Ledger, causes
@@ -63,7 +64,7 @@ def write_summary(path: Path, name: str, ledgers: Sequence[Ledger], comparison: 
         "time_unit": comparison.robots.time_unit,
         "drifts": [_drift(comparison, each) for each in comparison.drifts],
     }
-    if path.exists() and path.read_text(encoding="utf-8") == json_text(content):
+    if path.exists() and read_regular_text(path) == json_text(content):
         return "fresh"
     write_json(path, content)
     return "made"

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from robid.artifacts.artifact import canonical_hash
 from robid.artifacts.atomic import replacing
 from robid.errors import ArtifactError, require_module
+from robid.files import check_regular
 from robid.fleet.manifest import GROUP, ID, ROBOT
 from robid.results.grade import WORDS
 from robid.settings.placeholders import read_as_yaml
@@ -124,6 +125,7 @@ def _about(path: Path) -> dict[str, Any]:
     import pyarrow.parquet as pq
 
     try:
+        check_regular(path)
         found = json.loads((pq.read_schema(path).metadata or {})[_KEY])
     except (OSError, KeyError, ValueError, pa.ArrowException):
         return {}

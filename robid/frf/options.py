@@ -37,7 +37,7 @@ class EstimateOptions:
         "Whether angles, positions and speeds become accelerations or stay as measured. `auto`: accelerations "
         "where the inputs are torques, currents or forces, as measured for all others.",
     )
-    local_order: int = option(2, "Order of the local polynomials of response and transient.", ge=0)
+    local_order: int = option(2, "Order of the local polynomials of response and transient.", ge=0, le=20)
     local_denominator: int = option(
         0,
         "Order of the denominator of `local` and `local_periodic`; 0 is a polynomial, 2 follows a resonance.",
@@ -49,6 +49,7 @@ class EstimateOptions:
         "Bins or lines that a local fit uses on each side of the estimated one. When not given, the smallest "
         "number that leaves enough degrees of freedom.",
         ge=0,
+        le=100_000,
     )
     compensation: Literal["auto", "none", "nominal", "silent_lines"] | FittedFriction = option(
         "nominal",
@@ -57,9 +58,9 @@ class EstimateOptions:
         "`auto`, the default of logs: `silent_lines` where possible, else `nominal`.",
     )
     silent_configurations: int = option(
-        4, "Configurations, evenly spread, in which `silent_lines` identifies them.", ge=1
+        4, "Configurations, evenly spread, in which `silent_lines` identifies them.", ge=1, le=10_000
     )
-    pooled_lines: int = option(3, "Neighbouring lines (odd number) pooled in the residual covariance.", ge=1)
+    pooled_lines: int = option(3, "Neighbouring lines (odd number) pooled in the residual covariance.", ge=1, le=10_001)
 
     weak_line_std: float = option(
         0.5,

@@ -11,6 +11,7 @@ from robid.artifacts.atomic import replacing
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact
 from robid.errors import ArtifactError, SettingsError
+from robid.files import read_regular
 from robid.models.family import Export, ExportTask, family_of
 from robid.pipeline.fit import read_data
 from robid.pipeline.freshness import check_replaceable
@@ -100,7 +101,7 @@ def write_export(
     """
     check_replaceable(path, kind, read)
     if path.exists() and not force:
-        if path.read_bytes() == content:
+        if read_regular(path) == content:
             return "fresh"
         message = "A030 The file is there, but differs from what would be written."
         raise ArtifactError(message, where=str(path), remedy="`--force` replaces it, `--output` writes elsewhere")

@@ -14,8 +14,10 @@ from robid.artifacts.artifact import Provenance, canonical_hash
 from robid.artifacts.store import kind_of, read_header
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
+from robid.files import open_regular, read_regular_text
 from robid.models.encode import PARAMETER_COLUMNS
 from robid.pipeline.stage import Plan, Stage
+from robid.settings.other_files import opened
 
 if TYPE_CHECKING:
     from robid.settings.load import LoadedExperiment
@@ -39,7 +41,7 @@ def read_stamp(path: Path) -> Provenance:
     """
     remedy = "move it away; `robid report EXPERIMENT.yaml` makes it again"
     try:
-        found = _STAMP.findall(path.read_text(encoding="utf-8"))
+        found = _STAMP.findall(read_regular_text(path))
         if found:
             return Provenance(**json.loads(found[-1]))
     except (OSError, ValueError, TypeError) as error:
@@ -147,12 +149,15 @@ def file_sha256(path: Path) -> str:
     """Returns the hash of the bytes of a file of somebody else, or of all files of a folder and their names.
 
     What a system or a reader leaves beside a bag, hidden files and SQLite's shared memory, does not count.
+
+    Raises:
+        SettingsError: If one cannot be read, or is no file.
     """
     if path.is_dir():
         left = (one for one in sorted(path.iterdir()) if not one.name.startswith(".") and not one.name.endswith("-shm"))
         inside = [(one.name, file_sha256(one)) for one in left]
         return hashlib.sha256(repr(inside).encode()).hexdigest()
-    with path.open("rb") as file:
+    with opened(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -182,8 +187,8 @@ def check_replaceable(path: Path, kind: str, read: Mapping[str, Path]) -> None:
     for what, other in read.items():
         if other.exists() and path.samefile(other):
             raise _refusal(path, f"The output would take the place of {what}")
-    if path.is_dir():
-        raise _refusal(path, "There is a folder in the place of the output")
+    if not path.is_file():
+        raise _refusal(path, f"There is {'a folder' if path.is_dir() else 'no file'} in the place of the output")
     is_own = _RECOGNISED[kind](path) if kind in _RECOGNISED else kind_of(path) == kind
     if not is_own:
         found = kind_of(path)
@@ -247,14 +252,14 @@ def _is_export(path: Path) -> bool:
         import zipfile
 
         return zipfile.is_zipfile(path) and "robid_version.npy" in zipfile.ZipFile(path).namelist()
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(_HEAD_BYTES)
     return any(mark in head for mark in _MARKS.get(path.suffix, ()))
 
 
 def _read_json(path: Path) -> object:
     try:
-        found: object = json.loads(path.read_text(encoding="utf-8"))
+        found: object = json.loads(read_regular_text(path))
     except (OSError, ValueError):
         return None
     return found

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,6 +14,7 @@ from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
 from robid.pipeline.stage import Job, Plan, Stage, check_room
+from robid.settings.other_files import opened
 
 if TYPE_CHECKING:
     from robid.backends.map import Map, Progress
@@ -193,6 +194,7 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     """Refuses what would fail after a long computation: outputs that are not ours, a full disk, a missing log."""
     states = examine(run, nodes)
     due = [node for node, state in states.items() if state.status != "fresh"]
+    refuse_too_large(run, due)
     # What killed runs left and none resumes goes: parts of what is fresh or unknown, unfinished files.
     fresh = {path for node in nodes if node not in due for path in node.plan.outputs}
     known = {path for node in graph(run.loaded) for path in node.plan.outputs}
@@ -206,6 +208,14 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
         check_outputs(run.loaded, node.stage, node.plan, {}, run.path(node.output))
 
 
+def refuse_too_large(run: Run, nodes: Iterable[Node]) -> None:
+    """Refuses nodes that need more than this machine has, see `robid.pipeline.estimates`."""
+    from robid.pipeline.estimates import refuse_too_large as refuse_stages
+
+    workers = None if run.scheduler is not None else run.at_a_time
+    refuse_stages(run.loaded, [(node.stage.name, node.owner) for node in nodes], run.folder, workers)
+
+
 def _check_files(node: Node) -> None:
     missing = [(name, path) for name, path in node.plan.files.items() if not path.exists()]
     if missing:
@@ -213,6 +223,9 @@ def _check_files(node: Node) -> None:
         message = f"D197 the {missing[0][0]} of campaign {node.owner} does not exist{more}"
         remedy = "correct `file`, or set ROBID_DATA to the folder with the data"
         raise DataError(message, where=str(missing[0][1]), remedy=remedy)
+    for path in node.plan.files.values():
+        if not path.is_dir():
+            opened(path).close()
 
 
 def execute(
@@ -223,6 +236,7 @@ def execute(
     Raises:
         RobidError: With the experiment file and the campaign, design or fit in its place.
     """
+    refuse_too_large(run, [node])
     _check_files(node)
     check_outputs(run.loaded, node.stage, node.plan, inputs, output)
     check_room(output, _SMALL_BYTES + node.plan.needed_bytes)

@@ -146,13 +146,15 @@ def _print(console: Console, text: str, style: str = "", bold: int = 0, *, as_it
     console.print(shown, soft_wrap=True, highlight=False)
 
 
-def status_lines(rows: Sequence[tuple[str, str, str]], width: int | None) -> list[str]:
+def status_lines(
+    rows: Sequence[tuple[str, str, str]], width: int | None, head: tuple[str, str, str] = _STATUS
+) -> list[str]:
     """Lays out output, status and why, in columns; without a terminal there is neither a width to keep nor colour."""
-    first, second = (max(len(row[column]) for row in (_STATUS, *rows)) for column in (0, 1))
+    first, second = (max(len(row[column]) for row in (head, *rows)) for column in (0, 1))
     indent = first + second + 4
     coloured = width and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in _COLOURLESS
     lines = []
-    for output, status, why in (_STATUS, *rows):
+    for output, status, why in (head, *rows):
         shown = f"{status:{second}}"
         if coloured:
             shown = f"\x1b[{_COLOURS.get(status, 2)}m{shown}\x1b[0m"

@@ -12,6 +12,7 @@ import numpy as np
 
 from robid.arrays import LARGEST
 from robid.errors import DataError
+from robid.files import read_regular
 from robid.robot.foreign_parts import (
     Bond,
     Constraint,
@@ -23,6 +24,7 @@ from robid.robot.foreign_parts import (
     split,
     weights,
 )
+from robid.robot.mjcf_limits import check_mjcf
 from robid.robot.model import quiet_reading
 from robid.robot.urdf import NOT_EXPANDED, Urdf, read_urdf, unusable, wrong_limits
 
@@ -86,7 +88,7 @@ def read_model(path: Path) -> ForeignModel:
         DataError: If it cannot be read as either.
     """
     try:
-        root = _parsed(path.read_bytes())
+        root = _parsed(read_regular(path))
         with quiet_reading() as told:
             model = _read(path, root)
         warned = (f"{path.name}: MuJoCo warns: {' '.join(text.split())}" for text in dict.fromkeys(told))
@@ -94,7 +96,7 @@ def read_model(path: Path) -> ForeignModel:
     except OSError as error:
         what = f"D200 cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error
-    except (ET.ParseError, ValueError, LookupError, mujoco.FatalError) as error:
+    except (ET.ParseError, ValueError, LookupError, RecursionError, mujoco.FatalError) as error:
         what = f"D201 is not a robot that MuJoCo can read: {' '.join(str(error).split())}"
         raise DataError(what, where=str(path), remedy="correct the file") from error
 
@@ -118,6 +120,7 @@ def _read(path: Path, root: ET.Element) -> ForeignModel:
         spec = mujoco.MjSpec.from_string(urdf.text)
         spec.compiler.balanceinertia = urdf.balances
     elif root.tag == "mujoco":
+        check_mjcf(root, path.parent)
         spec = mujoco.MjSpec.from_file(str(path))
     else:
         told = f"D202 is neither MJCF nor URDF: its outermost element is `{root.tag}`, not `mujoco` or `robot`"

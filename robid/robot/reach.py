@@ -12,6 +12,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.files import read_regular
 from robid.robot.description import Robot
 from robid.robot.foreign import name_everything
 from robid.robot.inertia import about_z
@@ -50,7 +51,7 @@ class Shapes:
 
 
 def _shapes_of(path: Path) -> mujoco.MjModel:
-    root = ET.fromstring(path.read_bytes())
+    root = ET.fromstring(read_regular(path))
     is_urdf = root.tag == "robot"
     text = read_urdf(root, with_shapes=True).text if is_urdf else ""
     spec = mujoco.MjSpec.from_string(text) if is_urdf else mujoco.MjSpec.from_file(str(path))

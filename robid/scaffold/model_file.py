@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from robid.errors import DataError
+from robid.files import read_regular
 
 _DEEPEST = 16
 
@@ -53,7 +54,7 @@ def _parts(child: ET.Element, folder: Path, depth: int) -> Iterator[ET.Element]:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_regular(path)
     except OSError as error:
         what = f"D280 cannot be read: {error.strerror or error}"
         raise DataError(what, where=str(path), remedy="check the path") from error

@@ -48,7 +48,7 @@ class OneKey(Section):
 class RandomConfigurations(Section):
     """Robot configurations drawn uniformly within the joint limits; what is out of reach is drawn again."""
 
-    count: int = Field(description="Number of configurations.", ge=1)
+    count: int = Field(description="Number of configurations.", ge=1, le=10_000)
     seed: int = option(1, "Seed of the draw.", ge=0)
     margin_deg: float = option(10.0, "Distance kept from the joint limits [deg].", ge=0)
     margin_m: float = option(0.05, "The same of prismatic joints [m].", ge=0)
@@ -120,7 +120,7 @@ class Campaign(Section):
     configurations: Configurations | None = option(None, "The robot configurations; logs of one shot need none.")
     payload_kg: float | None = option(None, "Payload mass; the robot file's when not given [kg].", ge=0)
     excitation: ExcitationSettings = group(MultisineOptions, "Excitation of the motors.")
-    realizations: int = option(1, "Blocks of experiments with new random phases.", ge=1)
+    realizations: int = option(1, "Blocks of experiments with new random phases.", ge=1, le=10_000)
     experiments: int | None = option(
         None,
         "Experiments of each block; as many as motors when not given. Fewer need `estimate.estimator: "
@@ -130,8 +130,9 @@ class Campaign(Section):
         "with 4 realizations, 1 experiment, `local_order: 4` and `local_denominator: 2`. Logs of one shot have "
         "one unless given.",
         ge=1,
+        le=10_000,
     )
-    periods: int = option(2, "Recorded periods of each experiment.", ge=1)
+    periods: int = option(2, "Recorded periods of each experiment.", ge=1, le=100_000)
     outputs: tuple[str, ...] = option(
         ("motors",), "What a simulation records: `motors` first, then `<joint>.arm` and the robot's `sensors`."
     )
@@ -253,7 +254,9 @@ class Execution(Section):
     backend: Literal["serial", "processes", "dask"] = option(
         "processes", "Mapping of tasks to cores; `dask` needs the extra of that name."
     )
-    workers: int | None = option(None, "Number of processes; all cores when not given. A scheduler has its own.", ge=1)
+    workers: int | None = option(
+        None, "Number of processes; all cores when not given. A scheduler has its own.", ge=1, le=1_000
+    )
     scheduler: str | None = option(
         None,
         "Address of a Dask scheduler, as in tcp://10.0.0.1:8786, for `backend: dask`; a local cluster when not given.",

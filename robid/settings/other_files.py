@@ -5,10 +5,12 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Collection, Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import Any
 
 from robid.errors import SettingsError
+from robid.files import open_regular
 
 SUFFIXES = (".yaml", ".yml")
 _EXPERIMENT = ("campaigns", "designs", "fits", "study", "execution")
@@ -39,6 +41,8 @@ def unreadable(path: Path, error: OSError, suffixes: Collection[str] = SUFFIXES)
         what = "S525 is a folder, where a file is asked for"
         return SettingsError(what, where=str(path), remedy=f"name a file in it{_listed(', as', names)}")
     what = f"S333 cannot be read: {error.strerror or error}"
+    if path.exists():
+        return SettingsError(what, where=str(path), remedy=f"name another file{_listed(', as', names)}")
     if not folder.is_dir():
         return SettingsError(what, where=str(path), remedy=f"there is no folder `{folder}`: check the path")
     stems = {Path(name).stem: name for name in names}
@@ -88,7 +92,7 @@ def refuse_other_text(path: Path, text: str) -> None:
     Raises:
         SettingsError: If it is one of them.
     """
-    if text.lstrip("\ufeff \t\r\n").startswith("<"):
+    if re.match(r"[\ufeff\s]*<(?!<)", text):
         kind = next((told for mark, told in _MODELS.items() if mark in text), "an XML file")
         what = f"S526 is {kind}, where a settings file in YAML is asked for"
         remedy = f"`robid init NAME --model {path}` writes an experiment and a robot file that has it as `model:`"
@@ -100,15 +104,28 @@ def refuse_other_text(path: Path, text: str) -> None:
         raise SettingsError(what, where=str(path), remedy=remedy)
 
 
+def opened(path: Path) -> BufferedReader:
+    """Opens a file that settings or the command line name, other than a settings file.
+
+    Raises:
+        SettingsError: If it cannot be read, or is a pipe, a socket or a device.
+    """
+    try:
+        return open_regular(path)
+    except OSError as error:
+        what = f"S593 cannot be read: {error.strerror or error}"
+        raise SettingsError(what, where=str(path), remedy="name a file that this user may read") from error
+
+
 def refuse_no_log(path: Path) -> None:
     """Refuses a file of robid, or a rigid model, where an artifact or a log is asked for; says which command reads it.
 
     Raises:
-        SettingsError: If it is an experiment file, a robot file, a URDF, an MJCF or a page.
+        SettingsError: If it is an experiment file, a robot file, a URDF, an MJCF or a page, or cannot be read.
     """
-    if not path.is_file():
+    if path.is_dir() or not path.exists():
         return
-    with path.open("rb") as file:
+    with opened(path) as file:
         text = file.read(_BEGINNING).decode("utf-8", errors="replace").lstrip("\ufeff \t\r\n")
     keys = set(_KEY.findall(text)) if path.suffix.lower() in SUFFIXES else set()
     kind = next((told for mark, told in _MODELS.items() if text.startswith("<") and mark in text), "")

@@ -30,6 +30,9 @@ _MEANT = re.compile(r"\bS380 .*did you mean `(.+)`\?$")
 _LONGEST_VALUE = 60
 _MOST_NAMES = 8
 _MOST_ENTRIES = 3
+MOST_PROBLEMS = 500
+"""Problems of a file that are looked at: a list of thousands of wrong values needs no thousands of messages."""
+_MOST_TOLD = 100
 
 
 @dataclass(frozen=True)
@@ -101,7 +104,8 @@ def raise_problems(problems: Sequence[SettingsProblem]) -> None:
         return
     files = list(dict.fromkeys(problem.file for problem in problems))
     ordered = sorted(told_once(problems), key=lambda problem: (files.index(problem.file), problem.line))
-    told = "\n".join(str(problem) for problem in ordered)
+    more = [f"and {len(ordered) - _MOST_TOLD} more"] if len(ordered) > _MOST_TOLD else []
+    told = "\n".join([*map(str, ordered[:_MOST_TOLD]), *more])
     raise SettingsError(told, remedy=f"{_REMEDY}; {_OF_KEYS}" if _ABOUT_KEYS.search(told) else _REMEDY)
 
 
@@ -159,7 +163,7 @@ def _translate(model: type[BaseModel], document: Document, error: ValidationErro
 
 
 def _details(error: ValidationError) -> Iterator[Any]:
-    for detail in map(_at_tag, error.errors(include_url=False)):
+    for detail in map(_at_tag, error.errors(include_url=False)[:MOST_PROBLEMS]):
         if detail["type"] == "too_short" and len(detail["input"]) >= detail["ctx"]["min_length"]:
             continue  # the items are wrong, not their number
         yield detail

@@ -107,11 +107,11 @@ class RobotFile(Assumed):
         None, "Body or site of `model` in whose frame the payload is given; else the last link."
     )
     total_mass_kg: float | None = option(None, "Mass of all links that move, payload excluded, as a check [kg].", gt=0)
-    joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1)
-    springs: tuple[SpringSection, ...] = option((), "The spring-damper pairs.")
+    joints: tuple[JointSection, ...] = Field(description="The joints, base to flange.", min_length=1, max_length=100)
+    springs: tuple[SpringSection, ...] = option((), "The spring-damper pairs.", max_length=1_000)
     payload: Body | None = option(None, "The payload, in the last link's frame.")
     base: Body | None = option(None, "What base springs carry beneath the first joint, in the world frame.")
-    sensors: tuple[SensorSection, ...] = option((), "Sensors beyond motors and link encoders.")
+    sensors: tuple[SensorSection, ...] = option((), "Sensors beyond motors and link encoders.", max_length=1_000)
     loop_links: tuple[LoopLinkSection, ...] = option(
         (), "Links beside the chain, in closed loops; only rigid models contain them."
     )

@@ -93,7 +93,7 @@ class MotorSection(Assumed):
     )
     friction: FrictionSection = group(FrictionSection, "Nominal friction.")
     ripple_nm: float = option(0.0, "Amplitude of the torque ripple [N m].", ge=0)
-    ripple_order: int = option(6, "Ripple periods per motor turn.", ge=1)
+    ripple_order: int = option(6, "Ripple periods per motor turn.", ge=1, le=10_000)
 
     @property
     def ratio(self) -> float | None:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
-from robid.settings.problems import SettingsProblem, mistyped, wrong_fields
+from robid.settings.problems import MOST_PROBLEMS, SettingsProblem, mistyped, wrong_fields
 from robid.settings.robot import RobotFile
 from robid.settings.yaml import Document, FieldPath
 
@@ -50,6 +50,8 @@ def sound_part(model: type[_Model], document: Document) -> tuple[_Model | None, 
         try:
             return model.model_validate(data), left_out
         except ValidationError as error:
+            if error.error_count() > MOST_PROBLEMS:
+                return None, left_out
             wrong = wrong_fields(data, error)
         for written, kind in wrong:
             field = _removable(data, written, is_missing=kind == "missing")

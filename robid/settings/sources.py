@@ -100,7 +100,9 @@ def true_robot_of(robot: RobotFile, payload_kg: float | None, truth: Truth) -> R
 
 PLACES = ("configuration", "realization", "experiment")
 """What stands for numbers in names of logs and variables."""
-_NUMBERED = re.compile(r"\{(" + "|".join(PLACES) + r")(?::(0?\d*d?))?\}")
+WIDTH = re.compile(r"0?\d{0,2}d?")
+"""How a number may be written in such a name: as `{realization:03d}`."""
+_NUMBERED = re.compile(r"\{(" + "|".join(PLACES) + r")(?::(" + WIDTH.pattern + r"))?\}")
 
 
 @pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)

@@ -5,21 +5,17 @@ from __future__ import annotations
 import datetime
 import difflib
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import chain
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
-from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
-from ruamel.yaml.parser import Parser
 from ruamel.yaml.scalarbool import ScalarBoolean
-from ruamel.yaml.scanner import Scanner
 
 from robid.errors import SettingsError
+from robid.files import read_regular
+from robid.settings.bounded_yaml import MOST_BYTES, compose, tagged
 from robid.settings.other_files import refuse_binary, refuse_other_text, unreadable
 
 FieldPath: TypeAlias = tuple[str | int, ...]
@@ -84,7 +80,8 @@ def load_yaml(path: Path) -> Document:
     """Reads a YAML file whose root is a mapping.
 
     Raises:
-        SettingsError: If it cannot be read, is not YAML, repeats a key, or holds other than plain values.
+        SettingsError: If it cannot be read, is not YAML, repeats a key, is larger or deeper than settings are, or holds
+            other than plain values.
     """
     return parse_yaml(path, read_text(path))
 
@@ -96,7 +93,7 @@ def read_text(path: Path) -> str:
         SettingsError: If it cannot be read.
     """
     try:
-        content = path.read_bytes()
+        content = read_regular(path, MOST_BYTES)
     except OSError as error:
         raise unreadable(path, error) from error
     try:
@@ -110,18 +107,10 @@ def parse_yaml(path: Path, text: str) -> Document:
     """Reads the text of a YAML file, see `load_yaml`."""
     refuse_other_text(path, text)
     try:
-        yaml = YAML(typ="rt")
-        # Nobody asks for comments here, and keeping them takes a third of the time of reading.
-        yaml.Scanner, yaml.Parser = Scanner, Parser
-        node = yaml.compose(text)
-        _check_aliases(path, node, ())
+        yaml, node = compose(path, text)
         tree = None if node is None else yaml.constructor.construct_document(node)
     except YAMLError as error:
         raise _syntax_error(path, error, text) from error
-    except ValueError as error:  # ruamel.yaml reads what looks like a date as one
-        line = next((f":{one.start_mark.line + 1}" for one in _dates(node) if str(error) in _wrong_date(one)), "")
-        what = f"S524 looks like a date, but there is none like it: {error}"
-        raise SettingsError(what, where=f"{path}{line}", remedy="put it in quotes if it is a text") from error
     if not isinstance(tree, CommentedMap):
         found = "S335 is empty" if tree is None else "S336 must hold `key: value` lines, not a list or a single value"
         remedy = "`robid init NAME --example drive` writes a robot and an experiment to begin with"
@@ -141,42 +130,6 @@ def _step(node: Any, part: str | int) -> tuple[Any, int] | None:  # noqa: ANN401
         return node[part], node.lc.key(part)[0]
     merged = (_step(parent, part) for parent in node.merge)
     return next((found for found in merged if found is not None), None)
-
-
-def _check_aliases(path: Path, node: Node | None, parents: tuple[Node, ...]) -> None:
-    """Refuses a section that contains itself, which ruamel.yaml would read as nothing or fail on."""
-    if any(node is parent for parent in parents):
-        where = f"{path}:{parents[-1].start_mark.line + 1}"
-        raise SettingsError("S337 an alias refers to a section that contains it", where=where, remedy="leave it out")
-    if isinstance(node, MappingNode | SequenceNode):
-        if str(node.tag).startswith("!"):
-            raise _tagged(path, node.start_mark.line)
-        for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
-            _check_aliases(path, item, (*parents, node))
-
-
-def _dates(node: Node | None) -> Iterator[ScalarNode]:
-    """What YAML takes for dates, in the order of the file."""
-    if isinstance(node, ScalarNode) and str(node.tag).endswith(":timestamp"):
-        yield node
-    elif isinstance(node, MappingNode | SequenceNode):
-        for item in chain.from_iterable(node.value) if isinstance(node, MappingNode) else node.value:
-            yield from _dates(item)
-
-
-def _wrong_date(node: ScalarNode) -> str:
-    """What is wrong with a date; empty where it is one."""
-    try:
-        YAML(typ="safe", pure=True).constructor.construct_yaml_timestamp(node)
-    except ValueError as error:
-        return str(error)
-    return ""
-
-
-def _tagged(path: Path, line: int) -> SettingsError:
-    what = "S340 tags, sets and binary values of YAML are not used here"
-    remedy = "use plain numbers, texts, lists and sections"
-    return SettingsError(what, where=f"{path}:{line + 1}", remedy=remedy)
 
 
 def _syntax_error(path: Path, error: YAMLError, text: str) -> SettingsError:
@@ -223,4 +176,4 @@ def _value(path: Path, node: Any, line: int) -> Any:  # noqa: ANN401
     for kind in (int, float, str):
         if isinstance(node, kind):
             return kind(node)
-    raise _tagged(path, line)
+    raise tagged(path, line)

@@ -34,6 +34,7 @@ class Dialect:
         "Line of the column names, counted from 1; 0 if there is none and numbers from 1 name the columns. "
         "Recognised from the table when not given.",
         ge=0,
+        le=1_000_000,
     )
     comments: tuple[str, ...] = option(("#", "%"), "Beginning of lines that are skipped.")
     encoding: str | None = option(
@@ -93,7 +94,7 @@ class LogOptions:
     sampling_period_s: float = field(
         metadata={
             "description": "Sampling period of the log [s]: the controller's cycle, or the setting of the recorder.",
-            "gt": 0,
+            "ge": 1e-7,
         }
     )
     inputs: tuple[InputChannel, ...] = field(
@@ -115,7 +116,7 @@ class LogOptions:
         "Clock to which interpolation brings the samples. `time`: the log's own, in steps of "
         "`sampling_period_s`. `period`: the generator's, so that a measured period has its stated samples.",
     )
-    drop_periods: int = option(0, "Periods dropped at the start of the log.", ge=0)
+    drop_periods: int = option(0, "Periods dropped at the start of the log.", ge=0, le=100_000)
     one_shot: bool = option(
         False,
         "The log does not repeat, as a trajectory. It is read whole, without excitation, periods and frequency "

@@ -19,7 +19,7 @@ STEP_LIMITS = {
 class Controller:
     """A cascade as robots have it: position P, speed PI, torque limit, one computation delay."""
 
-    sampling_period_s: float = option(1e-3, "Sampling period of the controller [s].", gt=0)
+    sampling_period_s: float = option(1e-3, "Sampling period of the controller [s].", ge=1e-6)
     position_gain_1_s: float = option(6.0, "Gain of the position loop [1/s].", ge=0)
     speed_bandwidth_hz: float = option(20.0, "Crossover of the speed loop on the rotor's inertia alone [Hz].", gt=0)
     integral_time_s: float = option(0.1, "Integral time of the speed loop [s].", gt=0)
@@ -30,9 +30,11 @@ class Controller:
 class PoseInterface:
     """How the controller takes commands of the tool's pose and reports where it is, beside its own loops."""
 
-    sampling_period_s: float = option(0.012, "Time between commands, a whole multiple of the controller's [s].", gt=0)
-    delay_samples: int = option(1, "Transport delay of the commands, in samples of the interface.", ge=0)
-    moving_average: int = option(1, "Samples over which commands are averaged; 1 is none.", ge=1)
+    sampling_period_s: float = option(
+        0.012, "Time between commands, a whole multiple of the controller's [s].", ge=1e-6
+    )
+    delay_samples: int = option(1, "Transport delay of the commands, in samples of the interface.", ge=0, le=1_000)
+    moving_average: int = option(1, "Samples over which commands are averaged; 1 is none.", ge=1, le=10_000)
     speed_feedforward: float = option(
         0.0, "Share of the commanded motor speed that the speed loops receive.", ge=0, le=1
     )
@@ -71,7 +73,7 @@ class Imperfections:
     encoder_resolution_rad: float = option(0.0, "Quantisation step of the motor angle [rad].", ge=0)
     torque_noise_nm: float = option(0.0, "Standard deviation of the torque's noise, new each sample [N m].", ge=0)
     resolver_error_rad: float = option(0.0, "Amplitude of the resolver's error [rad].", ge=0)
-    resolver_order: int = option(2, "Periods of the resolver's error per motor turn.", ge=1)
+    resolver_order: int = option(2, "Periods of the resolver's error per motor turn.", ge=1, le=10_000)
     ripple: bool = option(False, "Torque ripple as the robot file gives it.")
     friction: Literal["none", LawName] = option(
         "none",
@@ -98,7 +100,7 @@ class Imperfections:
         3.0, "Configurations after which all but 1/e of this drift has passed, exponentially.", gt=0
     )
     second_ripple_nm: float = option(0.0, "Amplitude of a further torque ripple of all motors [N m].", ge=0)
-    second_ripple_order: int = option(2, "Periods of the further ripple per motor turn.", ge=1)
+    second_ripple_order: int = option(2, "Periods of the further ripple per motor turn.", ge=1, le=10_000)
     load_damping_1_rad: float = option(
         0.0,
         "Growth of the transmissions' dampers with their deflection, as a share per radian, of prismatic joints per"
@@ -207,6 +209,7 @@ class SimulateOptions:
         "Periods dropped before recording. With one or more the simulation starts in the periodic steady state that "
         "the linearised loop predicts, and only as much is simulated before the record as it needs to settle.",
         ge=0,
+        le=10_000,
     )
     measured_pose: Literal["motors", "tool"] = option(
         "motors",

@@ -20,8 +20,8 @@ from robid.settings.robot_sections import given
 from robid.settings.sources import SimulateSettings
 from robid.settings.yaml import FieldPath, load_yaml
 
-Whole = Annotated[int, Field(ge=0)]
-Count = Annotated[int, Field(ge=1)]
+Whole = Annotated[int, Field(ge=0, le=1_000_000)]
+Count = Annotated[int, Field(ge=1, le=1_000_000)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 

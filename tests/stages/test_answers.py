@@ -31,6 +31,7 @@ CASES = {
     **{(name, "stage"): (name, "small.yaml", *options) for name, options in _SMALL.items()},
     ("fit", "fit-try"): ("fit", "small.yaml", "--try", "masses"),
     ("run", "run"): ("run", "small.yaml"),
+    ("run", "run-dry-run"): ("run", "small.yaml", "--dry-run"),
     ("study", "study"): ("study", "study.yaml"),
     ("export", "export"): ("export", "small.yaml", "--format", "json"),
     ("compare", "compare"): ("compare", "small.yaml:estimation", "runs/small/estimation/frf.h5"),

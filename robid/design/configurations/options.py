@@ -21,14 +21,17 @@ NuisanceKind = Literal[LogarithmicKind, ResponseNuisance]
 class DesignOptions:
     """Choice of the configurations that tell most about the parameters."""
 
-    count: int = option(8, "Number of different configurations to choose, at most.", ge=1)
+    count: int = option(8, "Number of different configurations to choose, at most.", ge=1, le=10_000)
     criterion: Literal["d", "a", "e"] = option(
         "d",
         "Minimised quantity: the volume of the parameters' confidence region (`d`), the sum of their relative "
         "variances (`a`), or the largest variance of any combination (`e`).",
     )
     experiments: int | None = option(
-        None, "Visits to share out among the chosen configurations, repeats allowed; one each when not given.", ge=1
+        None,
+        "Visits to share out among the chosen configurations, repeats allowed; one each when not given.",
+        ge=1,
+        le=100_000,
     )
     budget: float | None = option(
         None,
@@ -36,9 +39,9 @@ class DesignOptions:
         "visits times the mean cost.",
         gt=0,
     )
-    restarts: int = option(4, "Random starts of the exchange.", ge=0)
+    restarts: int = option(4, "Random starts of the exchange.", ge=0, le=10_000)
     seed: int = option(1, "Seed of these starts.", ge=0)
-    iterations: int = option(1000, "Limit on steps towards the optimal weights.", ge=1)
+    iterations: int = option(1000, "Limit on steps towards the optimal weights.", ge=1, le=10_000_000)
     gap: float = option(1e-8, "Certified relative gap at which they stop; 1e-4 at best for `e`.", gt=0)
 
 
@@ -100,6 +103,7 @@ class InformationOptions:
         "Draws of the unknown springs and dampers over which the criterion is averaged; 1 uses the robot "
         "file's values.",
         ge=1,
+        le=10_000,
     )
     draw_factor: float = option(1.5, "The draws are log-uniform within this factor.", gt=1)
     draw_seed: int = option(1, "Seed of the draws.", ge=0)

@@ -23,6 +23,8 @@ from robid.design.excitation.options import (
 from robid.errors import SettingsError
 from robid.signals.waveforms import chirp, stepped_sine
 
+MOST_SAMPLES = 5_000_000
+"""Samples of a period, an hour at 1 kHz: a signal of so many, with its spectrum, is computed in a second."""
 _WHOLE = 1e-6  # Relative distance from a whole number of samples that is passed over
 _SLIP = 0.01  # Relative error of a sampling period that is taken to be a slip
 _DIGITS = 3
@@ -37,12 +39,20 @@ def samples_per_period(period_s: float, sampling_period_s: float) -> int:
         SettingsError: If the period is not a whole number of samples.
     """
     ratio = period_s / sampling_period_s
+    _refuse_many(ratio, "excitation.period_s", "shorten it, or lengthen the sampling period")
     count = round(ratio)
     if count < 1 or abs(ratio - count) > _WHOLE * ratio:
         samples = f"{ratio:.6g} samples of {sampling_period_s:g} s, not a whole number."
         remedy = f"{_rounder(period_s, sampling_period_s)} a period of {max(count, 1) * sampling_period_s:.9g} s."
         raise SettingsError(f"S026 A period of {period_s:g} s is {samples}", where="excitation.period_s", remedy=remedy)
     return count
+
+
+def _refuse_many(samples: float, where: str, remedy: str) -> None:
+    """Refuses a period before anything is laid out over its samples or lines."""
+    if samples > MOST_SAMPLES:
+        what = f"S595 A period has {samples:.3g} samples; more than {MOST_SAMPLES:.3g} are not computed with."
+        raise SettingsError(what, where=where, remedy=f"{remedy}.")
 
 
 def _rounder(period_s: float, sampling_period_s: float) -> str:
@@ -63,6 +73,8 @@ def period_samples(options: ExcitationOptions, sampling_period_s: float) -> int:
         SettingsError: If the period is not a whole number of samples.
     """
     if isinstance(options, ArbitraryOptions):
+        ratio = options.period_s / sampling_period_s
+        _refuse_many(ratio, "excitation.resolution_hz", "raise it, or lengthen the sampling period")
         return options.segment_samples(sampling_period_s)
     return samples_per_period(options.period_s, sampling_period_s)
 
@@ -120,8 +132,9 @@ def _refuse(problems: list[str]) -> None:
 
 
 def _grid(options: ChosenLineOptions) -> IntArray:
-    lowest = max(int(np.ceil(options.low_hz * options.period_s - 1e-9)), 1)
-    highest = int(np.floor(options.high_hz * options.period_s + 1e-9))
+    # No period has lines beyond, however high the band; that it is too high is told elsewhere.
+    lowest = max(int(np.ceil(min(options.low_hz * options.period_s, MOST_SAMPLES) - 1e-9)), 1)
+    highest = int(np.floor(min(options.high_hz * options.period_s, MOST_SAMPLES) + 1e-9))
     if options.grid == "odd":
         lowest, highest = lowest + 1 - lowest % 2, highest - 1 + highest % 2
     grid = np.arange(lowest, highest + 1, 2 if options.grid == "odd" else 1)
@@ -163,6 +176,7 @@ def _stated_lines(options: ChosenLineOptions, n_sample: int) -> IntArray:
 def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
     """Spreads `count` distinct lines over a rising grid."""
     lowest, highest = int(grid[0]), int(grid[-1])
+    lines, places = grid.astype(float), np.arange(len(grid), dtype=float)
     if count == 1:
         middle = np.sqrt(lowest * highest) if spacing == "log" else (lowest + highest) / 2
         return grid[[np.argmin(np.abs(grid - middle))]]
@@ -171,7 +185,7 @@ def _spread(grid: IntArray, count: int, spacing: str) -> IntArray:
         last = int(grid[chosen[-1]])
         # The geometric way to the highest line, divided by the lines that are left; never the same line twice.
         target = last * (highest / last) ** (1 / left) if spacing == "log" else last + (highest - last) / left
-        nearest = round(float(np.interp(target, grid, np.arange(len(grid)))))
+        nearest = round(float(np.interp(target, lines, places)))
         chosen.append(min(max(nearest, chosen[-1] + 1), len(grid) - left))
     return grid[chosen]
 

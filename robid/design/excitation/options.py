@@ -39,8 +39,9 @@ class ArbitraryOptions:
 
     def lines(self, sampling_period_s: float) -> IntArray:
         """Returns the lines of a segment that lie in the band."""
-        segment_s = self.segment_samples(sampling_period_s) * sampling_period_s
-        lowest, highest = self.low_hz * segment_s, self.high_hz * segment_s
+        n_sample = self.segment_samples(sampling_period_s)
+        segment_s = n_sample * sampling_period_s
+        lowest, highest = min(self.low_hz * segment_s, n_sample), min(self.high_hz * segment_s, n_sample)
         return np.arange(max(int(np.ceil(lowest - 1e-6)), 1), int(np.floor(highest + 1e-6)) + 1)
 
     def problems(self, sampling_period_s: float) -> list[str]:
@@ -69,7 +70,7 @@ _SIGNAL = {
     "position out."
 }
 _DEG = pi / 180
-_COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1}
+_COUNT = {"description": "Number of excited lines, of frequencies of a stepped sine.", "ge": 1, "le": 100_000}
 _LINES = {
     "description": "In place of `count`, `spacing` and `detection_share`. `all`: lines of the band on the "
     "`grid`. `found`: those of them that a log shows to be excited. Or a list of numbers, in "
@@ -85,7 +86,7 @@ class Travel:
     joint: str = field(metadata={"description": "Name of the joint."})
     amplitude_m: float | None = option(None, "Amplitude of a prismatic joint about the configuration [m].", gt=0)
     amplitude_deg: float | None = option(None, "The same of a revolute joint [deg].", gt=0)
-    line: int = option(1, "Its periods in one period of the excitation.", ge=1)
+    line: int = option(1, "Its periods in one period of the excitation.", ge=1, le=1_000_000)
 
 
 @dataclass(frozen=True)
@@ -96,7 +97,7 @@ class SignalOptions:
     """
 
     signal: Literal["multisine", "chirp", "stepped_sine", "fourier"] = field(default="multisine", metadata=_SIGNAL)
-    period_s: float = option(5.0, "Length of one period [s].", gt=0)
+    period_s: float = option(5.0, "Length of one period [s].", gt=0, le=1e5)
     low_hz: float = option(2.0, "Lowest excited frequency [Hz].", gt=0)
     high_hz: float = option(80.0, "Highest excited frequency [Hz].", gt=0)
     grid: Literal["odd", "full"] = option("odd", "Lines that may be excited: odd ones only, or all.")
@@ -126,7 +127,9 @@ class SignalOptions:
         "adds none [rad/s].",
         ge=0,
     )
-    slow_motion_line: int = option(2, "Line of the slow motion, even; it and its multiples are never excited.", ge=2)
+    slow_motion_line: int = option(
+        2, "Line of the slow motion, even; it and its multiples are never excited.", ge=2, le=1_000_000
+    )
     travel: Travel | None = option(
         None,
         "An additional large motion of one joint by the position reference, wherever the excitation is "
@@ -160,13 +163,14 @@ class MultisineOptions(ChosenLineOptions):
 
     signal: Literal["multisine"] = field(default="multisine", metadata=_SIGNAL)
     phase_iterations: int = option(
-        60, "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.", ge=0
+        60, "Iterations of the crest-factor search at each of seven exponents; 0 keeps random phases.", ge=0, le=10_000
     )
     phase_starts: int = option(
         16,
         "Random starts of the crest-factor search in a block: one per motor, the rest for the largest crest "
         "factor. With `phase_iterations` 0, the best of random draws.",
         ge=1,
+        le=10_000,
     )
     random_block_phases: bool = option(
         False,
@@ -221,8 +225,8 @@ class TrajectoryOptions:
     """
 
     signal: Literal["trajectory"] = field(default="trajectory", metadata=_SIGNAL)
-    period_s: float = option(10.0, "Length of one period [s].", gt=0)
-    harmonics: int = option(5, "Lines of the series: 1 to this one.", ge=3)
+    period_s: float = option(10.0, "Length of one period [s].", gt=0, le=1e5)
+    harmonics: int = option(5, "Lines of the series: 1 to this one.", ge=3, le=1_000)
     inject: Literal["speed_reference", "position_reference"] = option(
         "speed_reference", "Where the controller adds the excitation."
     )
@@ -241,8 +245,8 @@ class TrajectoryOptions:
         None, "Limit of each joint's acceleration on the arm side [deg/s^2].", gt=0
     )
     max_acceleration_m_s2: float | None = option(None, "The same of prismatic joints [m/s^2].", gt=0)
-    starts: int = option(4, "Random starts; the best end is taken.", ge=1)
-    evaluations: int = option(200, "Evaluations of the criterion with its slopes from each start.", ge=1)
+    starts: int = option(4, "Random starts; the best end is taken.", ge=1, le=1_000)
+    evaluations: int = option(200, "Evaluations of the criterion with its slopes from each start.", ge=1, le=100_000)
     seed: int = option(1, "Seed of the starts.", ge=0)
 
     decides_lines: ClassVar[tuple[str, ...]] = ("signal", "period_s", "harmonics")
@@ -265,7 +269,7 @@ class PoseChirpOptions:
         2.0, "Largest amplitude of lengths, one for all channels or by channel [mm]."
     )
     amplitude_deg: float | dict[str, float] = option(0.1, "The same of angles [deg].")
-    period_s: float = option(99.996, "Length of the sweep and of one period [s].", gt=0)
+    period_s: float = option(99.996, "Length of the sweep and of one period [s].", gt=0, le=1e5)
     low_hz: float = option(0.01, "Frequency at its beginning [Hz].", gt=0)
     high_hz: float = option(5.2, "Frequency at its end [Hz].", gt=0)
     chirp_peak: float = option(

@@ -14,6 +14,7 @@ from robid.artifacts.layout import DAMAGE
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError, DataError
+from robid.files import read_regular_text
 from robid.models.encode import Content, Files, encode_json, encode_mat, origin_of
 from robid.models.family import ExportTask
 from robid.models.lpv.fit.model import LpvModel
@@ -58,14 +59,14 @@ def _refused(path: Path, what: str) -> ArtifactError:
 
 def _json(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+        content = json.loads(read_regular_text(path))
+    except (OSError, ValueError) as error:
         raise _refused(path, f"it is no JSON ({error})") from error
     return content if isinstance(content, dict) else {}
 
 
 def _hdf5(path: Path) -> dict[str, Any]:
-    if not h5py.is_hdf5(path):
+    if not (path.is_file() and h5py.is_hdf5(path)):
         return {}
     try:
         with h5py.File(path) as file:

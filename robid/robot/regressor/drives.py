@@ -50,7 +50,7 @@ class RigidOptions:
 class BaseOptions:
     """How base parameters are found."""
 
-    n_sample: int = option(500, "Random configurations with speeds and accelerations.", ge=10)
+    n_sample: int = option(500, "Random configurations with speeds and accelerations.", ge=10, le=100_000)
     speed_rad_s: float = option(2.0, "Largest arm speed [rad/s, or m/s].", gt=0)
     acceleration_rad_s2: float = option(10.0, "Largest arm acceleration [rad/s^2, or m/s^2].", gt=0)
     threshold: float = option(

@@ -6,8 +6,6 @@ import math
 from collections.abc import Iterator, Sequence
 from math import comb
 
-import numpy as np
-
 from robid.settings.experiment import Campaign, Configurations, Experiment
 from robid.settings.problems import Found
 from robid.settings.robot import RobotFile
@@ -21,18 +19,19 @@ def configuration_count(experiment: Experiment, campaign: Campaign) -> int | Non
     """Returns the number of a campaign's configurations, None where its design is unknown; of logs without any 1."""
     if campaign.configurations is None:
         return 1 if campaign.is_one_shot or experiment.robot is None else None
-    return _count(experiment, campaign.configurations)
+    return count_of(experiment, campaign.configurations)
 
 
-def _count(experiment: Experiment, chosen: Configurations) -> int | None:
+def count_of(experiment: Experiment, chosen: Configurations) -> int | None:
+    """Returns the number of configurations that a choice makes, None where its design is unknown."""
     if chosen.list_rows is not None:
         return len(chosen.list_rows)
     if chosen.grid_rows is not None:
-        return int(np.prod([len(row) for row in chosen.grid_rows]))
+        return math.prod(len(row) for row in chosen.grid_rows)
     if chosen.random is not None:
         return chosen.random.count
     if chosen.join is not None:
-        parts = [_count(experiment, part) for part in chosen.join]
+        parts = [count_of(experiment, part) for part in chosen.join]
         return None if None in parts else sum(part or 0 for part in parts)
     designs = [experiment.designs.get(name) for name in chosen.designs]
     return None if None in designs else sum(0 if design is None else design.count for design in designs)

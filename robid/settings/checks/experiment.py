@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, islice
 from typing import Any
 
 from robid.design.excitation.options import ArbitraryOptions, PoseChirpOptions, SignalOptions, TrajectoryOptions
@@ -20,9 +20,10 @@ from robid.settings.checks.campaigns import (
 )
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.checks.logs import check_channels, check_handed_on, check_logs
+from robid.settings.checks.sizes import check_counts
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
-from robid.settings.problems import Found, SettingsProblem, problem_at, suggest
+from robid.settings.problems import MOST_PROBLEMS, Found, SettingsProblem, problem_at, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import commanded_channels
 from robid.settings.yaml import Document, FieldPath
@@ -65,7 +66,7 @@ def check_experiment(
         () if studies is None else studies.check(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
-        found.append(_campaign(experiment, name, campaign))
+        found += [_campaign(experiment, name, campaign), check_counts(experiment, name, campaign)]
         if robot is not None:
             of = _campaign_of_robot if experiment.robot is not None else _campaign_of_logs
             found.append(of(name, campaign, robot))
@@ -75,7 +76,8 @@ def check_experiment(
             found.append(_fit_of_robot(experiment, name, fit, robot, families))
     if robot is not None:
         found += [check_limits(experiment, robot), check_experiment_of_sensed(experiment, robot)]
-    return [problem_at(document, field, message) for field, message in chain.from_iterable(found)]
+    some = islice(chain.from_iterable(found), MOST_PROBLEMS)
+    return [problem_at(document, field, message) for field, message in some]
 
 
 def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:

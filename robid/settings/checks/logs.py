@@ -11,7 +11,7 @@ from robid.settings.fits import HandedOn
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import JointSection
-from robid.settings.sources import PLACES, Acquire, is_numbered
+from robid.settings.sources import PLACES, WIDTH, Acquire, is_numbered
 from robid.settings.yaml import FieldPath
 from robid.signals.log_channels import LogChannel, OutputChannel, input_problems
 from robid.signals.quantities import DRIVES, INJECTED, MOTOR_TORQUE, UNITS, units_of
@@ -241,9 +241,12 @@ def _file(field: FieldPath, file: str, counts: dict[str, int], variables: list[s
         yield field, f"S233 only `{DATA_VARIABLE}`, at the start, is replaced in a path"
         return
     try:
-        used = {name for _, name, _, _ in string.Formatter().parse(rest) if name is not None}
-        rest.format(**dict.fromkeys(PLACES, 1))
-    except (ValueError, KeyError, IndexError, AttributeError):
+        found = [(name, kind, how) for _, name, kind, how in string.Formatter().parse(rest) if name is not None]
+    except ValueError:
+        found = [("", "", None)]
+    used = {name for name, _, _ in found}
+    # No attributes of a number, and no width of a million digits.
+    if not used <= {*PLACES} or any(how or not WIDTH.fullmatch(kind or "") for _, kind, how in found):
         yield field, f"S234 only {', '.join(f'`{{{name}}}`' for name in PLACES)} stand for numbers in a path"
         return
     for name, count in counts.items():

@@ -189,7 +189,7 @@ class SeededCase(Section):
     """A machine that is simulated and identified over many seeds, with filters that suit and filters that do not."""
 
     first_seed: Whole = entry("The first seed; further ones follow it.", 101)
-    seeds: int = entry("Number of seeds.", 100, ge=2)
+    seeds: int = entry("Number of seeds.", 100, ge=2, le=1_000_000)
     seeds_per_task: Count = entry("Seeds that are simulated at once.", 25)
     duration_s: Positive = entry("Length of a record [s].", 10.0)
     resolution_rad: NotNegative = entry("Quantum of the motor encoders [rad].", 7.67e-4)

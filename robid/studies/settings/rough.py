@@ -101,7 +101,7 @@ class RoughStudy(Section):
     one_motion: MotionSpread = entry("Motions of fits of one motion, without validation.")
     new_motions: Count = entry("New motions of each robot on which the true error is measured.", 3)
     period_s: Positive = entry("Length of a whole motion [s].", 10.0)
-    harmonics: int = entry("Harmonics of a motion.", 5, ge=3)
+    harmonics: int = entry("Harmonics of a motion.", 5, ge=3, le=1_000)
     rated_share: float = entry("Rated over peak torque of the motors.", 0.4, gt=0, le=1)
     band_hz: Positive = entry("Cut-off behind which all errors are measured [Hz].", 10.0)
     robots: Count = entry("Number of robots at least.", 60)

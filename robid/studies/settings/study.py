@@ -34,7 +34,7 @@ from robid.studies.settings.trust import TrustStudy, check_trust
 class StepOptions:
     """Short steps of one axis at a time, as fast as the motors allow."""
 
-    configurations: int = option(5, "Random configurations in which every axis is stepped.", ge=1)
+    configurations: int = option(5, "Random configurations in which every axis is stepped.", ge=1, le=10_000)
     seed: int = option(1, "Seed of the configurations.", ge=0)
     step_deg: float = option(1.0, "Size of a step, arm side [deg].", gt=0)
     step_m: float = option(0.01, "The same of prismatic joints [m].", gt=0)
@@ -217,7 +217,7 @@ class FrfStudy(Section):
 
     kind: Literal["frf"] = entry("What is studied.")
     campaign: Name = entry("Name of the simulated campaign whose realizations it divides into groups.")
-    group: int = entry("Realizations of one estimate.", 4, ge=2)
+    group: int = entry("Realizations of one estimate.", 4, ge=2, le=10_000)
     groups_per_task: Count = entry("Groups that are simulated at once.", 5)
     estimators: tuple[str, ...] | None = entry(
         "Values of `estimate.estimator` to compare; all when not given.", None, min_length=1
@@ -276,7 +276,7 @@ class FleetFaults(Section):
 class FleetSpeed(Section):
     """How the speed of `robid reprocess` is measured: backends in turn, again and again."""
 
-    rows: int = entry("Rows of each run, all of sound robots.", 100, ge=3)
+    rows: int = entry("Rows of each run, all of sound robots.", 100, ge=3, le=1_000_000)
     repeats: Count = entry("Runs of each backend.", 5)
 
 

@@ -55,8 +55,11 @@ class ElasticOptions:
         " And nuisance parameters, by name or group: `payload`, `masses`, `axis_2.mass`,"
         " `axis_2.com`, `gear_coupling`, `torque_constant`, `counterbalance`, `load_damping`, `hysteresis`,"
         " `bearing_axis_2_x`. If only nuisance parameters are named, the default kinds are estimated too.",
+        max_length=1_000,
     )
-    fixed: tuple[str, ...] = option((), "Names of single parameters that stay at the robot file's value.")
+    fixed: tuple[str, ...] = option(
+        (), "Names of single parameters that stay at the robot file's value.", max_length=1_000
+    )
     tied: Mapping[str, str] = group(
         dict,
         "Parameters that share the correction of another one of their kind, by name. It is a common factor on "
@@ -65,9 +68,12 @@ class ElasticOptions:
     bounds: Mapping[str, tuple[float, float]] = group(
         dict, "Lower and upper bound of single parameters, by name, in their own units."
     )
-    starts: int = option(1, "Most starts; the first is the robot file's values.", ge=1)
+    starts: int = option(1, "Most starts; the first is the robot file's values.", ge=1, le=10_000)
     agreeing_starts: int = option(
-        4, "Starts that end in the best minimum after which no further ones are made; 0 makes all of them.", ge=0
+        4,
+        "Starts that end in the best minimum after which no further ones are made; 0 makes all of them.",
+        ge=0,
+        le=10_000,
     )
     start_decades: float = option(1.0, "Further starts are log-uniform within this many decades.", ge=0)
     prior_decades: float = option(
@@ -88,14 +94,14 @@ class ElasticOptions:
     correct_torques: bool = option(
         True, "Whether the fit also corrects the compensated friction and ripple, as nuisance parameters."
     )
-    max_iterations: int = option(200, "Iteration limit of one start.", ge=1)
+    max_iterations: int = option(200, "Iteration limit of one start.", ge=1, le=100_000)
     statics: Literal["updates", "every_iterate"] = option(
         "updates",
         "Whether inertia and gravity stay as at rest between updates, or follow the rest position of every "
         "iterate to first order. They follow it where locations are estimated.",
     )
     statics_updates: int = option(
-        4, "Largest number of new solutions of the equilibrium for the fitted springs; 0 is none.", ge=0
+        4, "Largest number of new solutions of the equilibrium for the fitted springs; 0 is none.", ge=0, le=1_000
     )
     identifiable_relative_std: float = option(
         0.2, "Predicted relative deviation up to which a parameter counts as identifiable.", gt=0
@@ -105,6 +111,7 @@ class ElasticOptions:
         "Number of fits repeated on realizations with new random weights. Their intervals assume nothing about "
         "the correlation of a realization's errors; 0 for none.",
         ge=0,
+        le=100_000,
     )
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
     seed: int = option(1, "Seed of the starts.", ge=0)

@@ -21,7 +21,7 @@ class CouplingOptions:
     ratio: float = option(0.15, "Normalised magnitude ratio above which coupling matters.", gt=0)
     resolution_m: float = option(1e-5, "Resolution of translations [m].", gt=0)
     resolution_rad: float = option(float(np.deg2rad(0.001)), "Resolution of rotations [rad].", gt=0)
-    segments: int = option(16, "Segments of Welch's method, which overlap by half.", ge=2)
+    segments: int = option(16, "Segments of Welch's method, which overlap by half.", ge=2, le=10_000)
     level: float = option(0.01, "Chance of a false alarm of one pair.", gt=0, lt=1)
 
 
@@ -35,17 +35,17 @@ class ExternalOptions:
     pairs: tuple[tuple[str, str], ...] = option(
         (), "Channels as pairs of input and output; when not given, each input with the output of its name."
     )
-    poles: int | None = option(None, "Number of poles; chosen from the data when not given.", ge=1)
-    zeros: int | None = option(None, "Number of zeros, below that of poles; chosen when not given.", ge=0)
+    poles: int | None = option(None, "Number of poles; chosen from the data when not given.", ge=1, le=100)
+    zeros: int | None = option(None, "Number of zeros, below that of poles; chosen when not given.", ge=0, le=100)
     rule: Literal["evidence", "sufficient"] = option(
         "evidence",
         "How the order is chosen: by evidence against overfitting, or the smallest that reaches `sufficient_nrmse`.",
     )
     sufficient_nrmse: float = option(0.9, "Smallest value for the rule `sufficient`.", gt=0, lt=1)
     max_poles: int = option(5, "Largest number of poles to try.", ge=1, le=12)
-    delay_samples: int | None = option(None, "Transport delay in samples; searched when not given.", ge=0)
-    max_delay_samples: int = option(10, "Longest transport delay that is searched, in samples.", ge=0)
-    moving_average: int = option(1, "Samples of the command's moving average, known a priori.", ge=1)
+    delay_samples: int | None = option(None, "Transport delay in samples; searched when not given.", ge=0, le=10_000)
+    max_delay_samples: int = option(10, "Longest transport delay that is searched, in samples.", ge=0, le=1_000)
+    moving_average: int = option(1, "Samples of the command's moving average, known a priori.", ge=1, le=10_000)
     hold: HoldName = option(
         "recorded", "Course of commands between samples: `zoh`, `foh` (straight lines), or that of the record."
     )

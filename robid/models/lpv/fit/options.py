@@ -14,8 +14,8 @@ class BasisOptions:
     """Functions of the scheduling parameters, besides the constant one."""
 
     kind: Literal["polynomials", "splines"] = option("polynomials", "Powers up to a total degree, or B-splines.")
-    degree: int = option(4, "Of the powers, or of the splines' pieces.", ge=1)
-    pieces: int = option(2, "Intervals of each parameter's splines.", ge=1)
+    degree: int = option(4, "Of the powers, or of the splines' pieces.", ge=1, le=20)
+    pieces: int = option(2, "Intervals of each parameter's splines.", ge=1, le=1_000)
     center: tuple[float, ...] = option((), "Origin of each parameter's powers; empty for zero.")
 
     def count(self, n_scheduling: int) -> int:
@@ -30,7 +30,7 @@ class SparseBasisOptions:
     """How the basis is searched."""
 
     smallest: float = option(3e-3, "Relative norm of a block that is none.", gt=0)
-    passes: int = option(12, "Passes of the search.", ge=1)
+    passes: int = option(12, "Passes of the search.", ge=1, le=10_000)
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class SparsityOptions:
 
     epsilon: float = option(1e-3, "Relative norm of a block that counts.", gt=0)
     zero: float = option(1e-5, "Relative norm of a block that is gone.", gt=0)
-    reweightings: int = option(10, "Renewals of the weights at most.", ge=1)
+    reweightings: int = option(10, "Renewals of the weights at most.", ge=1, le=10_000)
     settled: float = option(1e-2, "Change that ends the renewals.", gt=0)
     tolerance: float = option(1e-5, "Decrease that ends a descent.", gt=0)
-    step_limit: int = option(30, "Steps of one descent at most.", ge=1)
+    step_limit: int = option(30, "Steps of one descent at most.", ge=1, le=100_000)
 
 
 @dataclass(frozen=True)
 class PathOptions:
     """Which prices are tried and how one is chosen."""
 
-    count: int = option(10, "Prices along the path.", ge=2)
+    count: int = option(10, "Prices along the path.", ge=2, le=1_000)
     smallest: float = option(1.0, "Least price, in mean squared errors.", gt=0)
     largest: float = option(1e4, "Greatest price, in mean squared errors.", gt=0)
     allowance: float = option(0.05, "Excess allowed for sparsity.", ge=0)
@@ -59,10 +59,10 @@ class PathOptions:
 class LpvOptions:
     """Options of a fit."""
 
-    order: int = option(3, "States of the model without integrators.", ge=1)
+    order: int = option(3, "States of the model without integrators.", ge=1, le=100)
     integrators: tuple[int, ...] = option((), "How often each output integrates; not at all when empty.")
     weighted: bool = option(True, "Whether lines have weights by their variance, or equal weights.")
-    weight_window: int = option(9, "Lines that a weight's variance averages.", ge=1)
+    weight_window: int = option(9, "Lines that a weight's variance averages.", ge=1, le=10_001)
     sparse_basis: SparseBasisOptions = group(SparseBasisOptions, "Search of the states' basis.")
     sparsity: SparsityOptions = group(SparsityOptions, "When blocks are dropped and when the penalised fit ends.")
     path: PathOptions = group(PathOptions, "Which prices are tried and how one is chosen.")

@@ -31,7 +31,7 @@ class HuberOptions:
         "asymptotic", "Covariance of the weighted rows (eq. 19), or the M-estimator's asymptotic one."
     )
     tolerance: float = option(1e-2, "Step to stop at, in standard deviations of the parameters.", gt=0)
-    iteration_limit: int = option(100, "Reweighted fits at most.", ge=1)
+    iteration_limit: int = option(100, "Reweighted fits at most.", ge=1, le=100_000)
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class InstrumentOptions:
     """When instrumental variables have converged."""
 
     tolerance: float = option(0.05, "Step to stop at, in standard deviations of the parameters.", gt=0)
-    iteration_limit: int = option(20, "Simulations at most.", ge=1)
+    iteration_limit: int = option(20, "Simulations at most.", ge=1, le=100_000)
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class PreprocessingOptions:
         "leaves white residuals.",
         gt=0,
     )
-    position_order: int = option(4, "Order of one of its two passes.", ge=1)
-    decimation: int = option(0, "Samples per kept sample; 0 keeps twice the cut-off's rate.", ge=0)
+    position_order: int = option(4, "Order of one of its two passes.", ge=1, le=20)
+    decimation: int = option(0, "Samples per kept sample; 0 keeps twice the cut-off's rate.", ge=0, le=100_000)
     drop_deviations: float = option(
         0.0, "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", ge=0
     )
@@ -85,7 +85,7 @@ class VerdictOptions:
     variation: float = option(0.05, "Relative difference of two estimates that matters.", ge=0)
     shape: float = option(0.25, "Skewness, or half the excess kurtosis, that matters.", ge=0)
     correlation: float = option(0.2, "Autocorrelation that matters.", ge=0)
-    lags: int = option(10, "Lags of the whiteness test.", ge=1)
+    lags: int = option(10, "Lags of the whiteness test.", ge=1, le=10_000)
 
 
 @dataclass(frozen=True)
