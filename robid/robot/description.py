@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -218,7 +219,7 @@ class Robot:
         names = [joint.name for joint in self.joints]
         return (*names, *(f"{name}.arm" for name in names), *(sensor.name for sensor in self.sensors))
 
-    @property
+    @cached_property
     def arm_per_motor(self) -> FloatArray:
         """Arm motion (n_joint, n_joint) per motor angle: inverse gear ratios, and couplings off the diagonal."""
         names = [joint.name for joint in self.joints]
@@ -227,12 +228,15 @@ class Robot:
         for row, joint in enumerate(self.joints):
             for name, turn in joint.couplings.items():
                 turns[row, names.index(name)] = turn
+        turns.flags.writeable = False
         return turns
 
-    @property
+    @cached_property
     def motor_per_arm(self) -> FloatArray:
         """Motor angles (n_joint, n_joint) per arm motion."""
-        return np.asarray(np.linalg.inv(self.arm_per_motor))
+        turns: FloatArray = np.linalg.inv(self.arm_per_motor)
+        turns.flags.writeable = False
+        return turns
 
     @property
     def motor_inertia_kgm2(self) -> FloatArray:
@@ -281,11 +285,13 @@ class Robot:
         """Which joints (n_joint,) have a motor, not a sensor behind their gear."""
         return np.array([joint.has_motor for joint in self.joints])
 
-    @property
+    @cached_property
     def rigid(self) -> BoolArray:
         """Which joints (n_joint,) have no transmission spring, so that motor and arm are one coordinate."""
         elastic = {spring.joint for spring in self.springs if spring.place == "transmission"}
-        return np.array([index not in elastic for index in range(len(self.joints))])
+        found = np.array([index not in elastic for index in range(len(self.joints))])
+        found.flags.writeable = False
+        return found
 
     @property
     def spring_points_m(self) -> FloatArray:

@@ -109,7 +109,7 @@ def solve_statics(
     swing = np.zeros((len(configurations), len(springs))) if variance is None else variance
     # A swing v adds 3 k3 v to the slope that the mean deflection feels (docs/methods, sec. 1).
     slope = linear + 3 * third * swing
-    data = mujoco.MjData(model.mujoco)
+    data = model.scratch
     pairs = zip(configurations, slope, strict=True)
     position = np.array([_settle(model, data, own, third, configuration) for configuration, own in pairs])
     deflection = position @ model.deflection.T
@@ -138,7 +138,7 @@ def linearize(
     Source:
         Wernholt and Moberg (2008), sec. 5; docs/methods, sec. 1.
     """
-    data, to_spring, axial = mujoco.MjData(model.mujoco), model.to_spring, axial_inertia(model)
+    data, to_spring, axial = model.scratch, model.to_spring, axial_inertia(model)
     masses, gravities, links, outputs = [], [], [], []
     names = output_names or tuple(joint.name for joint in model.robot.joints)
     factor = model.varying.factors(equilibrium.position)
@@ -192,7 +192,7 @@ def _varying_gradient(model: ElasticModel, equilibrium: Equilibrium, row: int, f
 
 def gravity_torque(model: ElasticModel, positions: FloatArray) -> FloatArray:
     """Gravity's torque (n_conf, n_dof) on every coordinate at some positions, counterbalances included [N m]."""
-    data = mujoco.MjData(model.mujoco)
+    data = model.scratch
     return np.array([_gravity(model, data, position) for position in positions])
 
 

@@ -73,7 +73,12 @@ class ElasticModel:
     passive: IntArray
     deflection: FloatArray  # (n_spring, n_dof) Spring deflection per coordinate: `delta = deflection @ q`
 
-    @property
+    @cached_property
+    def scratch(self) -> mujoco.MjData:
+        """MuJoCo's data to evaluate kinematics in, overwritten by whoever does next: to make one takes as long."""
+        return mujoco.MjData(self.mujoco)
+
+    @cached_property
     def motor_rows(self) -> FloatArray:
         """Motor angles per coordinate (n_joint, n_dof)."""
         return np.asarray(self.turns[:, None] * np.eye(self.mujoco.nv)[self.motor])
@@ -93,7 +98,7 @@ class ElasticModel:
                 found[:, index] |= found[:, before]
         return found
 
-    @property
+    @cached_property
     def to_spring(self) -> FloatArray:
         """Coordinates (n_dof, n_dof) per motor angle and spring deflection."""
         return np.asarray(np.linalg.inv(np.vstack([self.motor_rows, self.deflection])))

@@ -43,7 +43,7 @@ def arm_points(model: ElasticModel, positions: FloatArray) -> ArmPoints:
         model: The elastic model.
         positions (n_conf, n_dof): All its coordinates, as of an equilibrium [rad, or m].
     """
-    data, to_spring = mujoco.MjData(model.mujoco), model.to_spring
+    data, to_spring = model.scratch, model.to_spring
     bodies, tool = _bodies(model)
     found = [_points(model, data, position, bodies, tool) for position in positions]
     located, moves = (np.array(each) for each in zip(*found, strict=True))
