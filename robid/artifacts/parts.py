@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
-from robid.artifacts.atomic import parts_of, remove_parts, replacing
+from robid.artifacts.atomic import check_folders, parts_of, remove_parts, replacing
 from robid.artifacts.layout import copy_row, create_dataset, create_file, write_dataset
 from robid.artifacts.store import (
     Header,
@@ -44,6 +44,7 @@ class Parts:
         self._artifact = artifact
         self.folder = parts_of(artifact)
         self._kind = kind
+        check_folders(artifact.parent, [self.folder / "part"])
         self._suffix = f".{key[:16]}.h5"
         remove_parts(self.folder, keep=self._suffix)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from robid.artifacts.atomic import check_folders
 from robid.errors import WorkerError
 from robid.fleet.comparison import Comparison, Found, Pages, collect, compare, flagged
 from robid.fleet.folders import at_work, recover, writing
@@ -87,6 +88,7 @@ def run_fleet(
     check_table(folder / TABLE)
     check_summary(folder / SUMMARY)
     check_report(folder / REPORT)
+    check_folders(folder, (rows / planned.row.id / LEDGER for planned in fleet.rows))
     check_room(rows / "row", _SMALL_BYTES)
     with writing(rows):
         recover(rows)
