@@ -34,6 +34,7 @@ from robid.versions import __version__
 
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
+_LONGEST_S = 1e9
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
@@ -158,6 +159,15 @@ def reprocess_rows(
     run_dir: RunFolder = None,
     keep: Annotated[bool, typer.Option("--keep", help="Keep records and responses of every row.")] = False,
     force: Annotated[bool, typer.Option("--force", help="Try rows again that have failed.")] = False,
+    row_timeout: Annotated[
+        float | None,
+        typer.Option(
+            "--row-timeout",
+            metavar="SECONDS",
+            min=1e-3,
+            help="Time that a row may take; then it fails, the rest goes on.",
+        ),
+    ] = None,
     pages: Annotated[
         Literal["all", "none", "flagged"],
         typer.Option("--pages", help="Rows that get a page of their own; `flagged` are outliers and failures."),
@@ -184,7 +194,9 @@ def reprocess_rows(
     from robid.commands.reprocess import reprocess
     from robid.fleet.run import Options
 
-    options = Options(keep, force, pages)
+    if row_timeout is not None and not row_timeout < _LONGEST_S:
+        raise typer.BadParameter(f"{row_timeout:g} is no time that a row may take", param_hint="--row-timeout")
+    options = Options(keep, force, row_timeout, pages)
     return reprocess(
         manifest,
         experiment,

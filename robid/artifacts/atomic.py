@@ -9,7 +9,7 @@ import os
 import re
 import secrets
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO, Any
@@ -19,6 +19,7 @@ import numpy as np
 from robid.artifacts.artifact import utc_now
 from robid.errors import ArtifactError
 from robid.files import read_regular_text
+from robid.writing import NotOwnError, create_new, linked_folder, open_own
 
 PARTS = ".parts"
 
@@ -28,14 +29,31 @@ _PLACES = ("", "*", "*/*", "fits/*/export")
 
 
 def remove_leftovers(folder: Path, resumable: Collection[Path]) -> None:
-    """Removes unfinished files of a run folder in which nobody else works, and parts of artifacts nobody resumes."""
+    """Removes unfinished files of a run folder in which nobody else works, and parts of artifacts nobody resumes.
+
+    What lies behind a link to another folder is not this run's.
+    """
     for place in _PLACES:
         for path in folder.glob(f"{place}/*.partial" if place else "*.partial"):
-            if _UNFINISHED.fullmatch(path.name) and path.is_file():
+            if _UNFINISHED.fullmatch(path.name) and path.is_file() and linked_folder(folder, [path]) is None:
                 path.unlink()
         for path in folder.glob(f"{place}/*.h5{PARTS}" if place else f"*.h5{PARTS}"):
-            if path.with_name(path.name.removesuffix(PARTS)) not in resumable:
+            is_resumed = path.with_name(path.name.removesuffix(PARTS)) in resumable
+            if not is_resumed and linked_folder(folder, [path]) is None:
                 remove_parts(path)
+
+
+def check_folders(folder: Path, files: Iterable[Path]) -> None:
+    """Refuses to write into a folder of a run that is a link to somewhere else; the run folder itself may be one.
+
+    Raises:
+        ArtifactError: If a file is to go there.
+    """
+    linked = linked_folder(folder, [*files])
+    if linked is not None:
+        what = "A040 A folder within the run folder is a link: what is written there would go elsewhere."
+        remedy = "remove the link and move here what it leads to, or name another run folder with --run-dir"
+        raise ArtifactError(what, where=str(linked), remedy=remedy)
 
 
 def parts_of(artifact: Path) -> Path:
@@ -45,7 +63,7 @@ def parts_of(artifact: Path) -> Path:
 
 def remove_parts(folder: Path, *, keep: str | None = None) -> None:
     """Removes parts but those with this end of their names, and their folder if it is empty; other files stay."""
-    if not folder.is_dir():
+    if folder.is_symlink() or not folder.is_dir():
         return
     for path in folder.iterdir():
         if _PART.fullmatch(path.name) and not (keep and path.name.endswith(keep)):
@@ -72,6 +90,7 @@ def replacing(path: Path, *, alone: bool = True, lasting: bool = True) -> Iterat
         path.parent.mkdir(parents=True, exist_ok=True)
         # One that a killed process left, or a link to something else, is not written through.
         partial.unlink(missing_ok=True)
+        os.close(create_new(partial))
         yield partial
         if lasting:
             _sync(partial)
@@ -155,6 +174,10 @@ def locked(path: Path, does: str) -> Iterator[None]:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _hold(path)
+    except NotOwnError as error:
+        what = f"A039 The lock cannot be taken: {error}."
+        remedy = "look at what it is, and move it away; or name another folder with --run-dir"
+        raise ArtifactError(what, where=str(path), remedy=remedy) from error
     except OSError as error:
         what = f"A004 The lock cannot be written: {error.strerror or error}."
         remedy = "name another folder with --run-dir, or change its permissions"
@@ -174,7 +197,7 @@ def locked(path: Path, does: str) -> Iterator[None]:
 def _hold(path: Path) -> IO[str]:
     """Opens the lock file and holds it; one that its holder has removed meanwhile is opened anew."""
     while True:
-        file = path.open("a+", encoding="utf-8")
+        file = os.fdopen(open_own(path), "a+", encoding="utf-8")
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -184,7 +207,7 @@ def _hold(path: Path) -> IO[str]:
             file.close()
             raise
         with suppress(FileNotFoundError):
-            if os.path.samestat(os.fstat(file.fileno()), path.stat()):
+            if os.path.samestat(os.fstat(file.fileno()), path.lstat()):
                 return file
         file.close()
 

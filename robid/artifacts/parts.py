@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.artifacts.artifact import Artifact, Dataset, Kind, Label, Provenance, content_hash, encode
-from robid.artifacts.atomic import parts_of, remove_parts, replacing
+from robid.artifacts.atomic import check_folders, parts_of, remove_parts, replacing
 from robid.artifacts.layout import create_dataset, create_file, has_large_rows, write_dataset
 from robid.artifacts.part_file import Part, read_part, read_start, write_part
 from robid.artifacts.store import Header, check_artifact, write_header
@@ -37,6 +37,7 @@ class Parts:
         self._artifact = artifact
         self.folder = parts_of(artifact)
         self._kind = kind
+        check_folders(artifact.parent, [self.folder / "part"])
         self._suffix = f".{key[:16]}.part"
         remove_parts(self.folder, keep=self._suffix)
 

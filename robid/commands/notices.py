@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 from robid.settings.checks.configurations import other_units
 from robid.settings.numbering import NEWEST
+from robid.writing import open_own
 
 if TYPE_CHECKING:
     from robid.pipeline.graph import Run
@@ -39,12 +41,13 @@ def notices(run: Run, shell: Shell) -> Iterator[None]:
     fresh = [text for text in said if text not in before]
     yield
     if fresh and run.folder.is_dir():
-        with suppress(OSError), run.path(_SAID).open("a", encoding="utf-8") as file:
+        with suppress(OSError), os.fdopen(open_own(run.path(_SAID)), "a", encoding="utf-8") as file:
             file.writelines(f"{text}\n" for text in fresh)
 
 
 def _said(run: Run) -> frozenset[str]:
     """What was told before of what goes to this run folder."""
     with suppress(OSError, ValueError):
-        return frozenset(run.path(_SAID).read_text(encoding="utf-8").splitlines())
+        if run.path(_SAID).is_file():
+            return frozenset(run.path(_SAID).read_text(encoding="utf-8").splitlines())
     return frozenset()

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from robid.arrays import Meaning
-from robid.artifacts.atomic import FOLDER_LOCK
+from robid.artifacts.atomic import FOLDER_LOCK, check_folders
 from robid.artifacts.store import read_header
 from robid.errors import ArtifactError, SettingsError, require_module
 from robid.models.known import load_experiment
@@ -111,7 +111,12 @@ def findings(grade: Grade | None) -> str:
 
 
 def lock_of(run: Run, target: Path) -> Path:
-    """Returns the lock of the run folder, or of a file elsewhere."""
+    """Returns the lock of the run folder, or of a file elsewhere.
+
+    Raises:
+        ArtifactError: If a folder within the run folder is a link.
+    """
+    check_folders(run.folder, [target])
     inside = target.resolve().is_relative_to(run.folder.resolve())
     return run.path(FOLDER_LOCK) if inside else target.with_name(target.name + FOLDER_LOCK)
 

@@ -74,7 +74,7 @@ def _stat(path: Path) -> tuple[int, ...]:
 class RowError:
     """Why a row has failed."""
 
-    kind: Annotated[str, Meaning("`settings`, `data`, `fit`, or `defect` for one of robid.")]
+    kind: Annotated[str, Meaning("`settings`, `data`, `fit`, `memory`, `time`, or `defect` for one of robid.")]
     where: Annotated[str, Meaning("File and field, without the folder of the manifest.")]
     message: Annotated[str, Meaning("What is wrong.")]
     remedy: Annotated[str, Meaning("What to do next.")]

@@ -14,6 +14,7 @@ from robid.artifacts.artifact import Provenance, canonical_hash, git_commit, pac
 from robid.artifacts.atomic import read_json
 from robid.errors import ArtifactError, RobidError, WorkerError
 from robid.fleet.comparison import MOST_SHOWN, Found, listed
+from robid.fleet.deadline import LateError, within
 from robid.fleet.folders import PAGE, remove, writing
 from robid.fleet.ledger import LEDGER, Ledger, causes, read_ledger
 from robid.fleet.row import RowTask, Told, load_task
@@ -137,9 +138,11 @@ def make_page(task: RowTask) -> str:
             inputs = {name: key.sha256 for name, key in ledger.inputs.items()}
             write_page(task.folder / PAGE, content, provenance_of(task.row.id, inputs))
         else:
-            _write_report(task)
+            within(task.timeout_s, lambda: _write_report(task))
     except ArtifactError:
         raise
+    except LateError:
+        return f"row {task.row.id} has no page: it did not end within {task.timeout_s:g} s"
     except RobidError as error:
         return f"row {task.row.id} has no page: {error.where}: {error.what}"
     except Exception as error:  # noqa: BLE001  the results are there; a page that is missing loses none

@@ -19,6 +19,7 @@ from robid.artifacts.artifact import utc_now
 from robid.artifacts.results import MODEL, VALIDATION, estimate_from_artifact
 from robid.artifacts.store import read_artifact, read_header
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
+from robid.fleet.deadline import LateError, within
 from robid.fleet.folders import aside, begin, check_own, keep_files, new_attempt, put_in_place, remove, writing
 from robid.fleet.ledger import FileKey, Ledger, RowError, file_key, write_ledger
 from robid.fleet.rows import chain_of, logs_of, settings_hash_of
@@ -120,6 +121,7 @@ class RowTask:
     text: str  # its text when the rows were checked
     rows: Path  # folder of the rows' folders
     keep: bool  # whether records and responses stay
+    timeout_s: float | None = None  # time that it may take [s]; any where it is None
     attempt: str = ""  # which attempt at the row it is: none of two writes into the other's folder
 
     @property
@@ -188,29 +190,24 @@ def run_row(task: RowTask) -> Ledger:
     begun, task = time.monotonic(), task.anew()
     begin(task.work)
     told = Told()
-    loaded, inputs, found, error = None, {}, _Found(), None
-    try:
+    loaded: LoadedExperiment | None = None
+    inputs: dict[str, FileKey] = {}
+    found, error = _Found(), None
+
+    def chain() -> _Found:
+        nonlocal loaded, inputs
         loaded = load_task(task)
         inputs = _inputs(loaded)
-        found = _run_chain(loaded, task.work, told)
+        return _run_chain(loaded, task.work, told)
+
+    try:
+        found = within(task.timeout_s, chain)
         error = RowError("fit", "", found.problem, "look at its model.h5") if found.problem else None
     except ArtifactError:
         remove(task.work)
         raise
-    except RobidError as caught:
-        error = RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
-    except OSError as caught:
-        if caught.errno in _FULL:
-            with writing(task.work):
-                raise
-        error = RowError("data", str(caught.filename or ""), f"cannot be read: {caught.strerror or caught}", _TRY_AGAIN)
-    except MemoryError:
-        error = RowError("memory", "", "there is not enough memory for it", f"use fewer --workers; {_TRY_AGAIN}")
     except Exception as caught:  # noqa: BLE001  a row that runs into a defect of ours leaves the others alone
-        first = (str(caught) or "no message").splitlines()[0]
-        error = RowError(
-            "defect", "", f"a defect of ours: {type(caught).__name__}: {first}", f"report it; {_TRY_AGAIN}"
-        )
+        error = _error_of(task, caught)
     if error is not None:
         stop_if_interrupted()
     ledger = _finish(task, loaded, inputs, found, told, error, begun)
@@ -220,13 +217,38 @@ def run_row(task: RowTask) -> Ledger:
     return ledger
 
 
-def fail_row(task: RowTask) -> Ledger:
-    """Puts a row in place that has killed its worker, alone there, as one that has failed."""
+def _error_of(task: RowTask, caught: Exception) -> RowError:
+    """Says why a row has failed; a disk that cannot be written is no matter of a row, and raised."""
+    if isinstance(caught, LateError):
+        return _late(task)
+    if isinstance(caught, RobidError):
+        return RowError(_KINDS.get(type(caught), "data"), caught.where, caught.what, caught.remedy)
+    if isinstance(caught, OSError):
+        if caught.errno in _FULL:
+            with writing(task.work):
+                raise caught
+        told = f"cannot be read: {caught.strerror or caught}"
+        return RowError("data", str(caught.filename or ""), told, _TRY_AGAIN)
+    if isinstance(caught, MemoryError):
+        return RowError("memory", "", "there is not enough memory for it", f"use fewer --workers; {_TRY_AGAIN}")
+    first = (str(caught) or "no message").splitlines()[0]
+    told = f"a defect of ours: {type(caught).__name__}: {first}"
+    return RowError("defect", "", told, f"report it; {_TRY_AGAIN}")
+
+
+def _late(task: RowTask) -> RowError:
+    message = f"it did not end within {task.timeout_s:g} s, the limit of --row-timeout"
+    return RowError("time", "", message, f"look at its log and settings, or allow more time; {_TRY_AGAIN}")
+
+
+def fail_row(task: RowTask, *, late: bool = False) -> Ledger:
+    """Puts a row in place that has killed its worker, alone there, as one that has failed, maybe by its time limit."""
     begun, task = time.monotonic(), task.anew()
     begin(task.work)
     loaded = load_task(task)
     message = "its worker process ended, most often because memory ran out"
-    error = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
+    memory = RowError("memory", "", message, f"look at its log, or give it more memory; {_TRY_AGAIN}")
+    error = _late(task) if late else memory
     return _finish(task, loaded, _inputs(loaded), _Found(), Told(), error, begun)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, Protocol
 
+from robid.artifacts.atomic import check_folders
 from robid.errors import WorkerError
 from robid.fleet.comparison import Comparison, Found, Pages, collect, compare, flagged
 from robid.fleet.folders import at_work, recover, writing
@@ -40,6 +42,7 @@ class Options:
 
     keep: bool = False  # whether records and responses stay
     force: bool = False  # whether rows that have failed are tried again
+    timeout_s: float | None = None  # time that a row may take [s]
     pages: Pages = "flagged"  # which rows get a page of their own: `flagged` are outliers and failures
 
 
@@ -87,6 +90,7 @@ def run_fleet(
     check_table(folder / TABLE)
     check_summary(folder / SUMMARY)
     check_report(folder / REPORT)
+    check_folders(folder, (rows / planned.row.id / LEDGER for planned in fleet.rows))
     check_room(rows / "row", _SMALL_BYTES)
     with writing(rows):
         recover(rows)
@@ -133,7 +137,7 @@ def run_fleet(
 
 
 def _task(fleet: Fleet, planned: PlannedRow, rows: Path, options: Options) -> RowTask:
-    return RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep)
+    return RowTask(planned.row, fleet.template.path, fleet.text, rows, options.keep, options.timeout_s)
 
 
 def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
@@ -162,8 +166,10 @@ def _run(tasks: Sequence[RowTask], open_map: OpenMap, note: Callable[[Ledger], N
 
 def _run_alone(task: RowTask, open_map: OpenMap, note: Callable[[Ledger], None]) -> None:
     with open_map(one=True) as single_map:
+        begun = time.monotonic()
         try:
             [ledger] = single_map(run_row, [task])
         except WorkerError:
-            ledger = fail_row(task)
+            late = task.timeout_s is not None and time.monotonic() - begun > task.timeout_s
+            ledger = fail_row(task, late=late)
     note(ledger)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from robid.artifacts.atomic import remove_leftovers
+from robid.artifacts.atomic import check_folders, remove_leftovers
 from robid.errors import ArtifactError, DataError, RobidError, SettingsError
 from robid.pipeline.chain import STAGES
 from robid.pipeline.freshness import State, check_outputs, input_hashes, state_of_output
@@ -198,6 +198,7 @@ def _preflight(run: Run, nodes: tuple[Node, ...]) -> None:
     # What killed runs left and none resumes goes: parts of what is fresh or unknown, unfinished files.
     fresh = {path for node in nodes if node not in due for path in node.plan.outputs}
     known = {path for node in graph(run.loaded) for path in node.plan.outputs}
+    check_folders(run.folder, map(run.path, known))
     remove_leftovers(run.folder, {run.path(path) for path in known - fresh})
     check_room(run.folder / "run", _SMALL_BYTES + sum(node.plan.needed_bytes for node in due))
     for state in states.values():
@@ -238,6 +239,7 @@ def execute(
     """
     refuse_too_large(run, [node])
     _check_files(node)
+    check_folders(run.folder, [output])
     check_outputs(run.loaded, node.stage, node.plan, inputs, output)
     check_room(output, _SMALL_BYTES + node.plan.needed_bytes)
     job = Job(

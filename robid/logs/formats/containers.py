@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.hdf5 import datasets_in
+from robid.logs.formats.unpacking import room_for
 from robid.logs.formats.variables import Found, Reason, Wanted, number_repeated
 
 _UNITS = ("units", "unit", "Unit", "Units", "unit_string")
 _PARQUET_UNITS = (b"unit", b"units")
 _COPIED = "Check that the log was copied completely."
+_VALUE = 8  # bytes of a number
 _AGAIN = "Write the log again from its source."
 _CUT = Reason("D049 The log is cut short.", "Check that it was copied completely, or save it again.")
 
@@ -22,15 +25,11 @@ def read_hdf5(file: Path, wanted: Wanted) -> Found:
     """Reads the datasets of an HDF5 file by their path, of a matrix only the columns that were asked for."""
     import h5py
 
-    found = Found()
+    found = Found(room=room_for(file))
     with h5py.File(file, "r") as root:
-
-        def visit(name: str, item: Any) -> None:  # noqa: ANN401
-            if isinstance(item, h5py.Dataset):
-                with found.guarded(name, remedy=_AGAIN):
-                    _take_dataset(name, item, wanted, found)
-
-        root.visititems(visit)
+        for name, dataset in datasets_in(root):
+            with found.guarded(name, remedy=_AGAIN):
+                _take_dataset(name, dataset, wanted, found)
     return found
 
 
@@ -43,6 +42,7 @@ def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None
         if kind.kind not in "fiubc":
             found.unreadable[path] = Reason("D050 It contains no numbers.")
         elif field and path in wanted:
+            found.reserve(path, kind.itemsize * dataset.size)
             found.add(path, dataset[field], unit)
         elif field:
             found.mention(path, int(np.prod(dataset.shape)), unit)
@@ -54,7 +54,7 @@ def read_parquet(file: Path, wanted: Wanted) -> Found:
     """Reads columns of a Parquet file, row group by row group; fields of nested columns are `column.field`."""
     import pyarrow.parquet as pq
 
-    found = Found()
+    found = Found(room=room_for(file))
     with pq.ParquetFile(file) as table:
         for field in table.schema_arrow:
             for name, leaf in _leaves(field.name, field):
@@ -94,6 +94,7 @@ def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, fou
     if name not in wanted:
         found.mention(name, table.metadata.num_rows, unit)
         return
+    found.reserve(name, _VALUE * table.metadata.num_rows)
     with found.guarded(name, "It cannot be decoded", _AGAIN):
         groups = (table.read_row_group(group, columns=[name]) for group in range(table.num_row_groups))
         parts = [_numbers(one.column(top).combine_chunks(), name, top, is_time=is_time) for one in groups]

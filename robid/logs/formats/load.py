@@ -18,7 +18,8 @@ import tempfile
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.util import find_spec
@@ -28,17 +29,21 @@ from typing import IO, Any
 import numpy as np
 
 from robid.errors import DataError
+from robid.logs.formats.unpacking import (
+    UNPACKING_ERRORS,
+    UnreadableLogError,
+    first_bytes,
+    is_packed,
+    open_bytes,
+    room_for,
+)
 from robid.logs.formats.variables import (
     FOREIGN,
     FORMATS,
-    UNPACKING_ERRORS,
     Found,
     Reason,
     Variables,
     Wanted,
-    first_bytes,
-    is_packed,
-    open_bytes,
     tell_format,
 )
 from robid.signals.log_options import Dialect, LogFormat
@@ -67,6 +72,9 @@ def load_variables(
     if not file.exists():
         remedy = "Correct `file`, or set ROBID_DATA to the folder with the data."
         raise DataError("D053 The log does not exist.", where=str(file), remedy=remedy)
+    if not (file.is_file() or file.is_dir()):
+        what = "D504 The log is a pipe or a device, which has no content of its own."
+        raise DataError(what, where=str(file), remedy="Write it to a file first, and name that one.")
     if file.is_file() and not file.stat().st_size:
         raise DataError("D054 The log is empty.", where=str(file), remedy="Record or copy it again.")
     try:
@@ -79,10 +87,29 @@ def load_variables(
             from robid.logs.formats.tables import read_table  # the process that reads binary logs does without
 
             return Variables(file, read_table(file, Wanted(names), dialect))
+        with _unpacked(file) as plain:
+            return Variables(file, READER.read(plain, name, names, file))
+    except UnreadableLogError as e:
+        raise DataError(str(e), where=str(file), remedy=e.remedy) from e
     except UNPACKING_ERRORS as e:
         remedy = "Check that it may be read and was copied completely."
         raise DataError(f"D056 The log cannot be opened ({e}).", where=str(file), remedy=remedy) from e
-    return Variables(file, READER.read(file, name, names))
+
+
+@contextmanager
+def _unpacked(file: Path) -> Iterator[Path]:
+    """Yields a log, unpacked into a folder of its own where it is packed.
+
+    The folder is made and removed here: the process that reads binary logs may be killed.
+    """
+    if file.is_dir() or not is_packed(file):
+        yield file
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        plain = Path(folder) / file.stem
+        with open_bytes(file) as packed, plain.open("xb") as stream:
+            shutil.copyfileobj(packed, stream, 1 << 20)
+        yield plain
 
 
 def _check_known(file: Path) -> None:
@@ -103,6 +130,7 @@ def _check_installed(file: Path, name: LogFormat) -> None:
 
 
 _START = "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from robid.logs.formats.load import serve; serve()"
+_SPARE = 2  # for numbers that are stored in fewer bytes than they are read in
 _COPIED = "Check that it was copied completely, or write it again from its source."
 
 
@@ -112,7 +140,7 @@ class Limits:
 
     seconds: float = 60.0  # Time for any log [s]
     seconds_per_byte: float = 2e-6  # Further time for each byte of it [s]
-    memory: int = 4 << 30  # Memory for any log [bytes]
+    memory: int = 3 << 29  # Memory for any log [bytes], half a gigabyte of which the libraries take
     memory_per_byte: int = 30  # Further memory for each byte of it
 
 
@@ -128,8 +156,14 @@ class Reader:
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
 
-    def read(self, file: Path, name: LogFormat, names: Collection[str] | None) -> Found:
+    def read(self, file: Path, name: LogFormat, names: Collection[str] | None, called: Path | None = None) -> Found:
         """Reads a log of a format in `FORMATS`: all of its variables, or those that are named.
+
+        Args:
+            file: The log, unpacked.
+            name: Its format.
+            names: Variables to read; all where it is None.
+            called: The file that messages name, where it is another one.
 
         Raises:
             DataError: If it cannot be read.
@@ -140,7 +174,7 @@ class Reader:
         memory = self._limits.memory + size * self._limits.memory_per_byte
         asked = {"file": str(file.absolute()), "reader": FORMATS[name].reader, "memory": memory}
         with self._lock:
-            return self._ask({**asked, "names": None if names is None else list(names)}, file, name, seconds)
+            return self._ask({**asked, "names": None if names is None else list(names)}, called or file, name, seconds)
 
     def close(self) -> None:
         """Ends the process."""
@@ -253,8 +287,9 @@ def serve() -> None:
         _limit_memory(question["memory"])
         try:
             found = read_apart(Path(question["file"]), question["reader"], Wanted(question["names"]))
+            _check_room(Path(question["file"]), found)
         except MemoryError:
-            what = f"it asks for more than {question['memory'] / (1 << 30):.0f} GB of memory"
+            what = f"it asks for more than {question['memory'] / (1 << 30):.3g} GB of memory"
             _send(answers, {"error": what})
         except Exception as e:  # noqa: BLE001 readers of damaged files raise whatever they like
             what = " ".join(str(e).replace(question["file"], Path(question["file"]).name).split()) or type(e).__name__
@@ -264,16 +299,18 @@ def serve() -> None:
 
 
 def read_apart(file: Path, reader: str, wanted: Wanted) -> Found:
-    """Reads a log by `module:function`, unpacked into a folder of its own where it is packed."""
+    """Reads a log by `module:function`."""
     module, _, function = reader.partition(":")
     read: Callable[[Path, Wanted], Found] = getattr(import_module(module), function)
-    if file.is_dir() or not is_packed(file):
-        return read(file, wanted)
-    with tempfile.TemporaryDirectory() as folder:
-        unpacked = Path(folder) / file.stem
-        with open_bytes(file) as packed, unpacked.open("wb") as stream:
-            shutil.copyfileobj(packed, stream, 1 << 20)
-        return read(unpacked, wanted)
+    return read(file, wanted)
+
+
+def _check_room(file: Path, found: Found) -> None:
+    """Refuses values that no log of its size holds; the other process has to take them as they are."""
+    size = sum(values.nbytes for values in found.arrays.values())
+    if size > _SPARE * room_for(file):
+        what = f"D510 its variables have {size >> 20} MB, more than signals in a file of its size"
+        raise UnreadableLogError(what, "Write the log again without them, or with less compression.")
 
 
 def _send_found(answers: IO[bytes], found: Found) -> None:

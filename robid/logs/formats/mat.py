@@ -19,7 +19,9 @@ from scipy.io import loadmat, whosmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 from scipy.sparse import issparse
 
-from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted, series_place
+from robid.hdf5 import datasets_in
+from robid.logs.formats.unpacking import UnreadableLogError, room_for
+from robid.logs.formats.variables import Found, Reason, Wanted, series_place
 
 _AXIS = re.compile(r"(.*?)\.X([({]\d+[)}])?\.Data")
 _CHANNEL = re.compile(r"(.*?)\.Y([({]\d+[)}])?\.Data")
@@ -265,12 +267,15 @@ def _leaves(name: str, value: Any) -> Iterator[tuple[str, Any]]:  # noqa: ANN401
 
 _NUMBERS = ("double", "single", "logical", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64")
 _DEEPEST = 30
+_CHARACTER = 64  # bytes that one takes while it is read
 
 
 def _read_hdf5(file: Path, wanted: Wanted) -> Found:
     """Reads the variables of a MAT file of version 7.3; those that cannot be decoded are noted."""
-    found = Found()
+    found = Found(room=room_for(file))
     with h5py.File(file, "r") as root:
+        for _ in datasets_in(root):
+            pass
         for name in root:
             if not name.startswith("#"):  # where MATLAB keeps what references point to
                 _try(name, root, name, wanted, found)
@@ -285,6 +290,7 @@ def _try(name: str, parent: Any, key: Any, wanted: Wanted, found: Found, depth: 
 def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -> None:  # noqa: ANN401
     kind = item.attrs.get("MATLAB_class", b"")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    found.look()
     if depth > _DEEPEST:
         found.unreadable[name] = Reason("D068 Its structures do not end.", "Save the log again.")
     elif "MATLAB_object_decode" in item.attrs and kind not in ("cell", "struct"):
@@ -292,11 +298,13 @@ def _take_item(name: str, item: Any, wanted: Wanted, found: Found, depth: int) -
     elif isinstance(item, h5py.Group):
         _take_group(name, item, wanted, found, depth)
     elif item.dtype == h5py.ref_dtype:
+        found.reserve(name, item.nbytes)
         for index, reference in enumerate(item[()].ravel(), start=1):
             _try(f"{name}{{{index}}}", item.file, reference, wanted, found, depth + 1)
     elif item.attrs.get("MATLAB_empty", 0):
         found.mention(name, 0)
     elif kind == "char" and item.dtype.kind == "u":
+        found.reserve(name, _CHARACTER * item.size)
         found.note_text(name, "".join(map(chr, item[()].ravel())))
     elif kind == "char" or item.dtype.kind not in "fiubcV":
         found.unreadable[name] = Reason("D069 It contains text, not numbers.")
@@ -317,6 +325,7 @@ def _take_group(name: str, group: Any, wanted: Wanted, found: Found, depth: int)
         child = group[field]
         listed = isinstance(child, h5py.Dataset) and child.dtype == h5py.ref_dtype
         if listed and "MATLAB_class" not in child.attrs:
+            found.reserve(f"{name}.{field}", child.nbytes)
             for index, reference in enumerate(child[()].ravel(), start=1):
                 _try(f"{name}({index}).{field}", group.file, reference, wanted, found, depth + 1)
         else:
@@ -326,14 +335,17 @@ def _take_group(name: str, group: Any, wanted: Wanted, found: Found, depth: int)
 def _take_numbers(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
     """Adds an array, whose axes MATLAB writes in reverse; of a matrix only the columns and rows that were asked for."""
     if dataset.dtype.names == ("real", "imag"):
+        found.reserve(name, dataset.nbytes)
         values = dataset[()]
         found.add(name, (values["real"] + 1j * values["imag"]).T)
         return
     series, shape = wanted.series(name), dataset.shape[::-1]
     if series is None or dataset.ndim < 2:
+        found.reserve(name, dataset.nbytes)
         found.add(name, dataset[()].T)
         return
     found.mention(name, int(np.prod(shape)))
     for index in series:
         if (place := series_place(index, shape)) is not None:
+            found.reserve(f"{name}{index}", dataset.dtype.itemsize * max(shape))
             found.arrays[f"{name}{index}"] = dataset[place[::-1]]

@@ -18,7 +18,8 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
 
-from robid.logs.formats.variables import Found, Reason, UnreadableLogError, Wanted
+from robid.logs.formats.unpacking import UnreadableLogError
+from robid.logs.formats.variables import Found, Reason, Wanted
 
 _LABELS = ("name", "names", "joint_names", "interface_names")
 _LONGEST = 64  # lists of numbers that are longer, as of images and scans, have no columns

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,15 +29,8 @@ from robid.logs.formats.layout import (
 from robid.logs.formats.moments import Moments
 from robid.logs.formats.recorders import tell_recorder
 from robid.logs.formats.telling import REMEDY, tell_layout, tell_marks, units_of
-from robid.logs.formats.variables import (
-    UNPACKING_ERRORS,
-    Found,
-    Reason,
-    UnreadableLogError,
-    Wanted,
-    number_repeated,
-    open_bytes,
-)
+from robid.logs.formats.unpacking import LONGEST_LINE, UNPACKING_ERRORS, UnreadableLogError, check_unpacks, open_bytes
+from robid.logs.formats.variables import Found, Reason, Wanted, number_repeated
 from robid.signals.log_options import Dialect
 
 _MOST_CHANNELS = 64  # channels of such a table at most
@@ -99,6 +92,7 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
         DataError: If it is none, or a row has another number of cells than the others.
     """
     try:
+        check_unpacks(file)
         with _open_text(file, dialect) as text:
             sample = text.readlines(_SAMPLE)
         with _open_text(file, dialect) as text:
@@ -108,6 +102,9 @@ def read_table(file: Path, wanted: Wanted, dialect: Dialect) -> Found:
         layout = (dialect.header_line is None and tell_recorder(sample)) or tell_layout(sample, dialect)
         with _open_text(file, dialect) as text:
             return _Table(layout, wanted, dialect).read(text)
+    except MemoryError as e:
+        what, remedy = "D509 There is not enough memory for the log.", "Read fewer columns, or save a shorter part."
+        raise DataError(what, where=str(file), remedy=remedy) from e
     except UnreadableLogError as e:
         placed = _PLACED.fullmatch(str(e))
         what = str(e) if placed is None else f"{placed['code']} {placed['what']}"
@@ -126,7 +123,7 @@ def _open_text(file: Path, dialect: Dialect) -> io.TextIOWrapper:
     """
     if dialect.encoding is not None:
         stated = codecs.lookup(dialect.encoding).name
-        return io.TextIOWrapper(open_bytes(file), encoding=stated)
+        return io.TextIOWrapper(_lines(file), encoding=stated)
     with open_bytes(file) as stream:
         start = stream.read(_SAMPLE)
     told = next((name for bom, name in _BOMS if start.startswith(bom)), None)
@@ -136,7 +133,11 @@ def _open_text(file: Path, dialect: Dialect) -> io.TextIOWrapper:
             told = "utf-8"
         except UnicodeDecodeError:
             told = "cp1252"
-    return io.TextIOWrapper(open_bytes(file), encoding=told, errors="replace")
+    return io.TextIOWrapper(_lines(file), encoding=told, errors="replace")
+
+
+def _lines(file: Path) -> IO[bytes]:
+    return open_bytes(file, longest_line=LONGEST_LINE)
 
 
 class _Table:

@@ -19,7 +19,7 @@ from robid.logs.formats.layout import (
     tell_groups,
 )
 from robid.logs.formats.moments import is_moment
-from robid.logs.formats.variables import UnreadableLogError
+from robid.logs.formats.unpacking import UnreadableLogError
 from robid.signals.log_options import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")

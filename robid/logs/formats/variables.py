@@ -6,26 +6,21 @@ read, with the reason.
 
 from __future__ import annotations
 
-import bz2
-import gzip
-import lzma
 import re
-import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import IO, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robid.errors import DataError
+from robid.logs.formats.unpacking import TooLargeError, first_bytes, is_packed
 from robid.signals.log_options import LogFormat
-
-_FIRST_BYTES = 512
-UNPACKING_ERRORS = (OSError, EOFError, zlib.error, lzma.LZMAError)
 
 
 @dataclass(frozen=True)
@@ -61,28 +56,12 @@ _IN_HERE: dict[LogFormat, Format] = {
 FORMATS = {name: replace(one, reader=f"robid.logs.formats.{one.reader}") for name, one in _IN_HERE.items()}
 """What a log may be; settings and the command line take the same names from `LogFormat`."""
 
-_PACKED: tuple[tuple[bytes, Callable[[Path], Any]], ...] = (
-    (b"\x1f\x8b", gzip.GzipFile),
-    (b"BZh", bz2.BZ2File),
-    (b"\xfd7zXZ\x00", lzma.LZMAFile),
-)
 FOREIGN = (
     (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
     (b"PK\x03\x04", "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of an old version", "Save the sheet as CSV."),
     (b"\x28\xb5\x2f\xfd", "packed with zstd", "Unpack it with `zstd -d`."),
 )
-
-
-def is_packed(file: Path) -> bool:
-    """Whether a file is packed by gzip, bzip2 or xz."""
-    return _opener(file) is not None
-
-
-def open_bytes(file: Path) -> IO[bytes]:
-    """Opens a file for reading, unpacked."""
-    opener = _opener(file)
-    return file.open("rb") if opener is None else opener(file)
 
 
 def tell_format(file: Path) -> LogFormat:
@@ -100,35 +79,11 @@ def tell_format(file: Path) -> LogFormat:
     return next((name for name, one in FORMATS.items() if last in one.suffixes), "csv")
 
 
-def first_bytes(file: Path) -> bytes:
-    """Returns the first bytes of a file, unpacked; none of a folder or of a file that cannot be unpacked."""
-    if file.is_dir():
-        return b""
-    try:
-        with open_bytes(file) as stream:
-            return stream.read(_FIRST_BYTES)
-    except UNPACKING_ERRORS:
-        return b""
-
-
-def _opener(file: Path) -> Callable[[Path], Any] | None:
-    with file.open("rb") as stream:
-        start = stream.read(8)
-    return next((opener for magic, opener in _PACKED if start.startswith(magic)), None)
-
-
 _SERIES = re.compile(r"\((?:\d+,\s*)*:(?:,\s*\d+)*\)$")
 _FIRST = re.compile(r"\(1\)")
 _BELOW = (".", "(", "{", "[", "/")
+_MOST_LOOKS = 20_000
 _AS_NUMBERS = "Save it as a real numeric column."
-
-
-class UnreadableLogError(Exception):
-    """A reader's word on why it cannot read a log, with a remedy of its own."""
-
-    def __init__(self, what: str, remedy: str = "") -> None:
-        super().__init__(what)
-        self.remedy = remedy
 
 
 @dataclass(frozen=True)
@@ -149,6 +104,8 @@ class Found:
     unreadable: dict[str, Reason] = field(default_factory=dict)  # Variables that cannot be read, with the reason
     texts: dict[str, str] = field(default_factory=dict)  # Texts that the log holds beside its numbers
     damage: Reason | None = None  # What is wrong with the log as a whole, where some of it can be read
+    room: int = sys.maxsize  # What there is room for in the values that are still to be read [bytes]
+    looks: int = 0  # How many things within each other were looked at
 
     def add(self, name: str, values: Any, unit: str = "") -> None:  # noqa: ANN401
         """Adds an array; what holds no numbers is noted as unreadable."""
@@ -167,20 +124,43 @@ class Found:
         """
         try:
             yield
-        except MemoryError:
+        except (MemoryError, TooLargeError):
             raise
         except Exception as e:  # noqa: BLE001
             self.unreadable[name] = Reason(f"D087 {what} ({e}).", remedy)
+
+    def reserve(self, name: str, size: int) -> None:
+        """Takes room for values before they are read [bytes]: a file may declare any number of them.
+
+        Raises:
+            TooLargeError: If there is none.
+        """
+        self.room -= size
+        if self.room < 0:
+            what = f"D507 `{name}` would have {size >> 20} MB, more than signals in a file of its size."
+            raise TooLargeError(what, "Write the log again without it, or with less compression.")
+
+    def look(self) -> None:
+        """Counts what is looked at in structures that may contain themselves.
+
+        Raises:
+            TooLargeError: If it does not end.
+        """
+        self.looks += 1
+        if self.looks > _MOST_LOOKS:
+            raise TooLargeError("D508 Its structures do not end.", "Save what is needed as variables of their own.")
 
     def take(self, name: str, matrix: Any, wanted: Wanted, unit: str = "") -> None:  # noqa: ANN401
         """Adds an array; of one of which only columns or rows were asked for, these; of what was not, the size."""
         series = wanted.series(name) if name in wanted else []
         if series is None or (series and len(matrix.shape) < 2):
+            self.reserve(name, matrix.nbytes)
             self.add(name, matrix[()], unit)
             return
         self.mention(name, int(np.prod(matrix.shape)), unit)
         for index in series:
             if (place := series_place(index, matrix.shape)) is not None:
+                self.reserve(f"{name}{index}", matrix.dtype.itemsize * max(matrix.shape))
                 self.arrays[f"{name}{index}"] = matrix[place]
 
     def note_text(self, name: str, text: str) -> None:

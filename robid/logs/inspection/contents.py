@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import FORMATS, Variables, open_bytes, series_of, series_place, tell_format
+from robid.logs.formats.unpacking import open_bytes
+from robid.logs.formats.variables import FORMATS, Variables, series_of, series_place, tell_format
 from robid.signals.log_options import Dialect, LogFormat
 
 _TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
