@@ -63,7 +63,8 @@ _KEPT_OUTLINES = 64
 _KEPT_BYTES = 2**20
 
 Result = TypeVar("Result")
-# Outlines of small files by what the system and the header say of a file: a run asks for each artifact several times.
+# Small outlines by what the system and the header say of a file: a run asks for each artifact several times, and for
+# each of its configurations.
 _outlines: dict[tuple[object, ...], Outline] = {}
 
 
@@ -305,10 +306,9 @@ def check_kind(path: Path, kind: Kind, found: Kind) -> None:
 
 
 def _outline(file: h5py.File, header: Header) -> Outline:
-    path = Path(file.filename)
-    key = (*_identity(path), header.content_sha256)
+    key = (*_identity(Path(file.filename)), header.content_sha256)
     outline = _outlines.get(key) or _read_outline(file, header)
-    if path.stat().st_size <= _KEPT_BYTES:
+    if sum(values.nbytes for values in outline.shared.values()) <= _KEPT_BYTES:
         if len(_outlines) >= _KEPT_OUTLINES:
             _outlines.clear()
         _outlines[key] = outline
