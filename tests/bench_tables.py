@@ -1,7 +1,7 @@
 """The page of benchmarks, written from the record of `make bench`.
 
-`.venv/bin/python tests/bench_tables.py` takes `runs/bench/bench.json`, keeps it as `data/bench.json` and writes the page;
-a test compares the page with the record.
+`.venv/bin/python tests/bench_tables.py` takes `runs/bench/bench.json`, keeps it as `data/bench.json` and writes the
+page; a test compares the page with the record.
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def page(record: dict[str, Any]) -> str:
     """Returns the page of a record."""
     machine = record["machine"]
     said = ", ".join(f"{name} {machine[name]}" for name in ("python", "numpy", "scipy", "mujoco-core"))
-    on = f"Measured on {machine['date']}: {machine['processor']}, {machine['threads']} threads, of which one is used; {said}."
+    processor = f"{machine['processor']}, {machine['threads']} threads, of which one is used"
+    on = f"Measured on {machine['date']}: {processor}; {said}."
     lines = [_HEAD, on, "", "| figure | value | what | accuracy, spread, times |", "|---|---|---|---|"]
     for key, value in record.items():
         if isinstance(value, float):
