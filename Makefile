@@ -3,10 +3,11 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.installed
 BENCH_STAMP := .venv/.bench
+BENCH := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --override-ini 'python_files=bench_*.py'
 DATA := $(or $(ROBID_DATA),../shared/data)
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-log study test test-slow lint check docs bench clean
+.PHONY: help install run run-log study test test-slow lint check docs bench bench-quick clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
@@ -51,7 +52,10 @@ docs: $(STAMP) ## build the site, into runs/site/index.html
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 bench: $(BENCH_STAMP) ## measure speed as ratios within one run, into runs/bench/bench.json
-	$(BIN)/python -m pytest -q --override-ini 'python_files=bench_*.py' --benchmark-columns=median,iqr,rounds tests/bench
+	$(BENCH) tests/bench
+
+bench-quick: $(STAMP) ## hold the speed of two minutes' worth of tasks against the baseline
+	$(BENCH) -m quick --baseline tests/bench/baseline.json tests/bench/bench_cli.py tests/bench/bench_default.py tests/bench/bench_face.py tests/bench/bench_frf.py
 
 $(BENCH_STAMP): $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt --editable '.[bench]'

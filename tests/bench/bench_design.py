@@ -8,18 +8,9 @@ import pytest
 from robid.design.configurations.criteria import worth
 from robid.design.configurations.interior import Packed, pack
 from robid.design.configurations.relaxed import relaxed_design
+from smooth_designs import SIZE, smooth_information
 
-_SIZE = 26
 _SAME_OPTIMUM = 1e-6
-
-
-def smooth_information(n_cand, seed=1):
-    """Information of candidates at random in six angles, on which eight residuals of each depend smoothly."""
-    generator = np.random.default_rng(seed)
-    rates = generator.normal(size=(6, 8, _SIZE))
-    angles = generator.uniform(-1, 1, (n_cand, 6))
-    jacobian = sum(np.cos(3 * angles[:, joint, None, None] * rates[joint]) for joint in range(6))
-    return jacobian.swapaxes(1, 2) @ jacobian
 
 
 def timed(task):
@@ -37,7 +28,7 @@ def test_three_hundred_candidates(keep, criterion):
 
 def test_hundred_thousand_candidates(keep):
     rows = np.concatenate([pack(part) for part in np.array_split(smooth_information(100_000), 20)])
-    found, seconds = timed(lambda: relaxed_design(Packed(rows[None], _SIZE)))
+    found, seconds = timed(lambda: relaxed_design(Packed(rows[None], SIZE)))
     assert found.gap <= 1e-8
     keep("design.d_100000_s", seconds, f"(gap {found.gap:.1e}, {np.count_nonzero(found.weights)} with weight)")
 
@@ -48,7 +39,7 @@ def test_against_cvxpy(keep):
     cp = pytest.importorskip("cvxpy", reason="cvxpy is not installed")
     matrices = smooth_information(3000) / 100
     weights = cp.Variable(len(matrices), nonneg=True)
-    total = cp.reshape(matrices.reshape(len(matrices), -1).T @ weights, (_SIZE, _SIZE), order="F")
+    total = cp.reshape(matrices.reshape(len(matrices), -1).T @ weights, (SIZE, SIZE), order="F")
     problem = cp.Problem(cp.Maximize(cp.log_det(total)), [cp.sum(weights) == 1])
     _, theirs = timed(lambda: problem.solve(solver="CLARABEL"))
     reached = np.maximum(weights.value, 0) / np.maximum(weights.value, 0).sum()

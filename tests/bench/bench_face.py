@@ -2,6 +2,7 @@
 
 import h5py
 import numpy as np
+import pytest
 
 import robid
 from exact_systems import exact_frf, two_joint_robot
@@ -20,6 +21,7 @@ def read_all(path):
     return found
 
 
+@pytest.mark.quick
 def test_parameters_of_a_run_against_reading_their_file(compare, tmp_path):
     robot = two_joint_robot()
     configurations = np.random.default_rng(2).uniform(-1, 1, (8, 2))

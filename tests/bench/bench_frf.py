@@ -43,6 +43,7 @@ def read_and_transform(path):
         np.fft.rfft(record.inputs, axis=4), np.fft.rfft(record.outputs, axis=4)
 
 
+@pytest.mark.quick
 @pytest.mark.parametrize(
     ("key", "compensation"), [("frf.vs_read_fft", "none"), ("frf.compensated_vs_read_fft", "nominal")]
 )
