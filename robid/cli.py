@@ -1,5 +1,6 @@
 """The command line: arguments in, exit code out. What a command does is imported when it is called: help is quick."""
 
+import errno
 import gc
 import sys
 import traceback
@@ -25,7 +26,7 @@ from robid.commands.options import (
 )
 from robid.commands.output import ErrorAnswer, print_json, print_plain
 from robid.commands.stages import stage_command
-from robid.errors import RobidError, SettingsError, codes_in
+from robid.errors import ArtifactError, RobidError, SettingsError, codes_in
 from robid.interrupts import hearing, was_interrupted
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
@@ -35,6 +36,7 @@ from robid.versions import __version__
 _UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
 _LONGEST_S = 1e9
+_SHOWN = 60
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
@@ -90,6 +92,9 @@ def _told(error: Exception) -> tuple[str, int]:
         message = getattr(error, "format_message", error.__str__)()
         called = getattr(getattr(error, "ctx", None), "command_path", "robid")
         return f"S377 {message}\n  remedy: `{called} --help` lists what there is", 2
+    if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+        what = f"A041 A path is longer than the system takes: {str(error.filename or '')[:_SHOWN]}..."
+        return f"{what}\n  remedy: name another folder with --run-dir, or shorten the name", ArtifactError.exit_code
     first = (str(error) or "no message").splitlines()[0]
     remedy = "report it with what --debug prints"
     return f"a defect of ours: {type(error).__name__}: {first}\n  remedy: {remedy}", 1

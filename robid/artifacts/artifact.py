@@ -82,6 +82,30 @@ class Provenance:
     )
 
 
+def read_provenance(text: str) -> Provenance:
+    """Reads what `json.dumps(asdict(provenance))` wrote, of a file that may be damaged.
+
+    Raises:
+        ValueError: If it is something else.
+    """
+    try:
+        said = json.loads(text)
+        text.encode()
+        json.dumps(said, ensure_ascii=False).encode()
+        found = Provenance(**said)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise ValueError(f"its provenance cannot be read ({error})") from error
+    named = all(isinstance(one, dict) for one in (found.settings, found.inputs, found.versions))
+    if not (named and isinstance(found.named, list) and isinstance(found.seed, int | None)):
+        raise ValueError("its provenance has values of other kinds")
+    texts = (found.stage, found.settings_hash, found.git_commit, found.started_utc, found.finished_utc)
+    if not all(
+        isinstance(one, str) for one in (*texts, *found.named, *found.inputs.values(), *found.versions.values())
+    ):
+        raise ValueError("its provenance has values of other kinds")
+    return found
+
+
 @dataclass(frozen=True, eq=False)
 class Artifact:
     """An artifact in memory."""

@@ -128,7 +128,7 @@ def read_json(path: Path, *, made_by: str = "robid run") -> Any:  # noqa: ANN401
         return json.loads(read_regular_text(path))
     except FileNotFoundError as error:
         raise ArtifactError("A002 The file is missing.", where=str(path), remedy=remedy) from error
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         what, remedy = f"A003 The file is damaged: {error}.", f"delete it; {remedy}"
         raise ArtifactError(what, where=str(path), remedy=remedy) from error
 

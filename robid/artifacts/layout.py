@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robid.artifacts.artifact import Attribute, Label, digest_rows, normalise_attribute
+from robid.hdf5 import datasets_in
 
 # What h5py raises on damaged files, seen by flipping bytes.
 DAMAGE = (OSError, KeyError, ValueError, TypeError, RuntimeError, AttributeError, OverflowError, MemoryError)
@@ -176,6 +177,8 @@ def read_label(dataset: h5py.Dataset) -> Label:
         scales=None if scales is None else tuple(scales),
         digests=digests,
     )
+    if len(label.axes) != len(dataset.shape):
+        raise ValueError(f"`{dataset.name}` has {len(dataset.shape)} axes, but {len(label.axes)} names of them")
     if not label.by_row:
         return label
     if dataset.shape[0] != len(digests) and (dataset.shape[0] != 1 or len(set(digests)) != 1):
@@ -198,15 +201,12 @@ def matches(label: Label, values: NDArray[Any]) -> bool:
 
 
 def find_datasets(file: h5py.File) -> dict[str, h5py.Dataset]:
-    """Returns all datasets by path."""
-    found: dict[str, h5py.Dataset] = {}
+    """Returns all datasets by path.
 
-    def collect(name: str, item: h5py.Dataset | h5py.Group) -> None:
-        if isinstance(item, h5py.Dataset):
-            found[name] = item
-
-    file.visititems(collect)
-    return found
+    Raises:
+        ValueError: If one lies in another file, or there is no end of them.
+    """
+    return dict(datasets_in(file))
 
 
 def _chunks(shape: Sequence[int], itemsize: int) -> tuple[int, ...]:

@@ -37,6 +37,7 @@ from robid.artifacts.artifact import (
     decode,
     encode,
     normalise_attribute,
+    read_provenance,
 )
 from robid.artifacts.atomic import replacing
 from robid.artifacts.layout import (
@@ -53,6 +54,7 @@ from robid.artifacts.layout import (
 )
 from robid.errors import ArtifactError
 from robid.files import check_regular, open_regular
+from robid.hdf5 import check_link
 
 _FORMAT = "2"
 _HEADER = ("kind", "schema_version", "content_sha256", "provenance")
@@ -176,7 +178,7 @@ def read_header(path: Path, kind: Kind | None = None) -> Header:
 
 def read_attributes(path: Path, kind: Kind) -> dict[str, Any]:
     """Reads an artifact's own attributes, their content unchecked; see `read_artifact` for errors."""
-    return visit(path, kind, lambda file: get_attributes(file[_ATTRIBUTES]))
+    return visit(path, kind, _own_attributes)
 
 
 def kind_of(path: Path) -> str:
@@ -184,7 +186,7 @@ def kind_of(path: Path) -> str:
     try:
         check_regular(path)
         with h5py.File(path, "r") as file:
-            return str(get_attributes(file).get("kind", ""))
+            return _plain_text(get_attributes(file).get("kind", ""))
     except DAMAGE:
         return ""
 
@@ -219,7 +221,7 @@ def read_group(path: Path, kind: Kind, group: str) -> Artifact:
     def read(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict[str, Dataset]]:
         found = {f"{group}/{name}": (item, read_label(item)) for name, item in find_datasets(file[group]).items()}
         datasets = {name: decode(label, read_values(item, label, None)) for name, (item, label) in found.items()}
-        return get_attributes(file[_ATTRIBUTES]), datasets
+        return _own_attributes(file), datasets
 
     header, (attributes, datasets) = _read(path, kind, read)
     return Artifact(replace(kind, version=header.version), datasets, attributes, header.provenance)
@@ -245,8 +247,8 @@ def _read(path: Path, kind: Kind | None, read: Callable[[h5py.File, Header], Res
         check_regular(path)
         with h5py.File(path, "r") as file:
             said = get_attributes(file)
-            name, version, digest, provenance = (str(said[key]) for key in _HEADER)
-            header = Header(name, version, digest, Provenance(**json.loads(provenance)))
+            name, version, digest, provenance = (_plain_text(said[key]) for key in _HEADER)
+            header = Header(name, version, digest, read_provenance(provenance))
             found = str(said.get("format", "1"))
             if found != _FORMAT:
                 what = f"A010 The artifact has file format {found}; this robid reads format {_FORMAT}."
@@ -272,6 +274,19 @@ def damaged(path: Path, kind: Kind | None, error: Exception) -> ArtifactError:
     """What is said of an artifact that cannot be read."""
     remedy = f"delete it and make it again with {_command(kind)}"
     return ArtifactError(f"A013 The artifact is damaged: {error}.", where=str(path), remedy=remedy)
+
+
+def _plain_text(value: object) -> str:
+    """The text of a header, which a terminal can show."""
+    text = str(value)
+    if not text.isprintable():
+        raise ValueError("its header contains bytes that are no text")
+    return text
+
+
+def _own_attributes(file: h5py.File) -> dict[str, Attribute]:
+    check_link(_ATTRIBUTES, file, _ATTRIBUTES)
+    return get_attributes(file[_ATTRIBUTES])
 
 
 @lru_cache(maxsize=256)
@@ -317,7 +332,7 @@ def _outline(file: h5py.File, header: Header) -> Outline:
 
 def _read_outline(file: h5py.File, header: Header) -> Outline:
     labels = {name: read_label(dataset) for name, dataset in find_datasets(file).items()}
-    attributes = get_attributes(file[_ATTRIBUTES])
+    attributes = _own_attributes(file)
     if content_hash(header.kind, attributes, labels) != header.content_sha256:
         raise ValueError(_MISMATCH)
     alone = {name: label for name, label in labels.items() if not label.by_row}
@@ -361,4 +376,4 @@ def _description(file: h5py.File, _: Header) -> tuple[dict[str, Attribute], dict
             description=label.description,
             values=read_values(dataset, label, None).tolist() if few else None,
         )
-    return get_attributes(file[_ATTRIBUTES]), rows
+    return _own_attributes(file), rows

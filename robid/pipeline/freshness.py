@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from robid.artifacts.artifact import Provenance, canonical_hash
+from robid.artifacts.artifact import Provenance, canonical_hash, read_provenance
 from robid.artifacts.store import kind_of, read_header
 from robid.artifacts.truth import is_truth
 from robid.errors import ArtifactError
@@ -43,8 +43,8 @@ def read_stamp(path: Path) -> Provenance:
     try:
         found = _STAMP.findall(read_regular_text(path))
         if found:
-            return Provenance(**json.loads(found[-1]))
-    except (OSError, ValueError, TypeError) as error:
+            return read_provenance(found[-1])
+    except (OSError, ValueError) as error:
         raise ArtifactError(f"A032 The page is damaged: {error}.", where=str(path), remedy=remedy) from error
     raise ArtifactError("A033 The page does not say what it was made from.", where=str(path), remedy=remedy)
 

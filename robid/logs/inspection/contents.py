@@ -126,7 +126,7 @@ def join_contents(read: Sequence[Contents]) -> Contents:
 
 def _read(file: Path, format_: LogFormat | None, dialect: Dialect) -> tuple[Variables, list[str]]:
     """Reads all of a log, or what of it there is room for."""
-    if not file.exists() or file.is_dir():
+    if not file.is_file():
         return load_variables(file, format_, None, dialect), []
     size, told = file.stat().st_size, format_ or tell_format(file)
     if told == "csv":

@@ -16,6 +16,7 @@ from robid.errors import DataError
 from robid.logs.formats import load, unpacking
 from robid.logs.formats.load import Limits, Reader, load_variables
 from robid.logs.formats.unpacking import LEAST_ROOM, LONGEST_LINE, ROOM_PER_BYTE
+from robid.logs.inspection.contents import read_contents
 
 GIGABYTE = 1 << 30
 HEADER = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(124) + b"\x00\x02IM"
@@ -199,14 +200,15 @@ def test_a_pipe_is_refused_and_nobody_waits(tmp_path, suffix):
     errors = []
 
     def read():
-        try:
-            load_variables(path)
-        except DataError as error:
-            errors.append(error.codes)
+        for look in (load_variables, read_contents):
+            try:
+                look(path)
+            except DataError as error:
+                errors.append(error.codes)
 
     reading = threading.Thread(target=read, daemon=True)
     reading.start()
     reading.join(5.0)
-    assert errors == [("D504",)]
+    assert errors == [("D504",)] * 2
     with pytest.raises(DataError, match="D504"):
         load_variables(tmp_path.joinpath("/dev/zero"))
