@@ -2,6 +2,9 @@
 
 import gc
 
+from robid.interrupts import leave_at_once
+
+leave_at_once()
 # What a start imports stays: to look through it for garbage again and again takes a tenth of a short command's time.
 gc.set_threshold(200_000, 20, 100)
 
