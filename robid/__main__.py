@@ -4,7 +4,9 @@ import gc
 import os
 
 from robid.backends.threads import ONE_THREAD
+from robid.interrupts import leave_at_once
 
+leave_at_once()
 # What a start imports stays: to look through it for garbage again and again takes a tenth of a short command's time.
 gc.set_threshold(200_000, 20, 100)
 

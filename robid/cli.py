@@ -4,6 +4,7 @@ import errno
 import gc
 import sys
 import traceback
+from contextlib import suppress
 from copy import copy
 from pathlib import Path
 from typing import Annotated, Literal
@@ -27,16 +28,18 @@ from robid.commands.options import (
 from robid.commands.output import ErrorAnswer, print_json, print_plain
 from robid.commands.stages import stage_command
 from robid.errors import ArtifactError, RobidError, SettingsError, codes_in
-from robid.interrupts import hearing, was_interrupted
+from robid.interrupts import code_of_interrupt, hearing, was_interrupted
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
+from robid.printable import printable
 from robid.signals.log_options import LogFormat
+from robid.streams import prepare_streams
 from robid.versions import __version__
 
-_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 _INTERRUPTED = 130
 _LONGEST_S = 1e9
 _SHOWN = 60
+_UsageError: type[Exception] = typer.BadParameter.__bases__[0]
 
 app = typer.Typer(
     help="Identifies the elastic dynamics of a robot from its own motor signals.",
@@ -50,7 +53,14 @@ app = typer.Typer(
 
 def main() -> None:
     """Runs the command line and exits with its code."""
-    code = run_command(sys.argv[1:])
+    prepare_streams()
+    try:
+        code = run_command(sys.argv[1:])
+    except KeyboardInterrupt:  # a second one, while the first was answered
+        code = code_of_interrupt()
+    finally:
+        with suppress(RobidError, KeyboardInterrupt):
+            sys.stdout.flush()
     # What is left ends with the process: looking through it for garbage takes a quarter of a short command's time.
     gc.freeze()
     sys.exit(code)
@@ -65,15 +75,18 @@ def run_command(arguments: list[str]) -> int:
 def _run(arguments: list[str]) -> int:
     try:
         code = _app_for(arguments)(arguments or ["--help"], prog_name="robid", standalone_mode=False)
+        sys.stdout.flush()
     except (KeyboardInterrupt, typer.Abort):
-        code = _INTERRUPTED
+        return _stop(arguments)
     except Exception as error:  # noqa: BLE001  the one place that turns a defect into a message
-        if not was_interrupted():
-            return _fail(arguments, *_told(error))
-        code = _INTERRUPTED
-    if code == _INTERRUPTED:
-        return _fail(arguments, "interrupted; what is finished is kept, and the same command goes on from there", code)
-    return int(code or 0)
+        return _stop(arguments) if was_interrupted() else _fail(arguments, *_told(error))
+    # typer answers an interrupt with a code.
+    return _stop(arguments) if code == _INTERRUPTED else int(code or 0)
+
+
+def _stop(arguments: list[str]) -> int:
+    message = "interrupted; what is finished is kept, and the same command goes on from there"
+    return _fail(arguments, message, code_of_interrupt())
 
 
 def _app_for(arguments: list[str]) -> typer.Typer:
@@ -91,7 +104,7 @@ def _told(error: Exception) -> tuple[str, int]:
     if isinstance(error, _UsageError):
         message = getattr(error, "format_message", error.__str__)()
         called = getattr(getattr(error, "ctx", None), "command_path", "robid")
-        return f"S377 {message}\n  remedy: `{called} --help` lists what there is", 2
+        return f"S377 {printable(message, keep='')}\n  remedy: `{called} --help` lists what there is", 2
     if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
         what = f"A041 A path is longer than the system takes: {str(error.filename or '')[:_SHOWN]}..."
         return f"{what}\n  remedy: name another folder with --run-dir, or shorten the name", ArtifactError.exit_code
@@ -104,8 +117,8 @@ def _fail(arguments: list[str], message: str, code: int) -> int:
     from robid.report.wrapping import terminal_width, wrap
 
     if "--debug" in arguments:
-        typer.echo(traceback.format_exc(), err=True)
-    typer.echo(wrap(f"robid: {message}", terminal_width(sys.stderr)), err=True)
+        typer.echo(printable(traceback.format_exc()), err=True)
+    typer.echo(wrap(printable(f"robid: {message}"), terminal_width(sys.stderr)), err=True)
     codes = codes_in(message)
     if codes and sys.stderr.isatty():
         typer.echo(f"  `robid explain {codes[0]}` says more", err=True)

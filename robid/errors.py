@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from importlib.util import find_spec
 
+from robid.printable import printable
+
 _CODE = re.compile(r"(?<![\w`'\"./-])[SDABF]\d{3}(?= |$|\))")
 
 
@@ -30,7 +32,8 @@ class RobidError(Exception):
         self.remedy = remedy
 
     def __str__(self) -> str:
-        parts = [f"{self.where}: {self.what}" if self.where else self.what]
+        where = printable(self.where, keep="")
+        parts = [f"{where}: {self.what}" if self.where else self.what]
         if self.remedy:
             parts.append(f"  remedy: {self.remedy}")
         return "\n".join(parts)

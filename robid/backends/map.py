@@ -21,7 +21,7 @@ from threadpoolctl import threadpool_limits
 
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import WorkerError
-from robid.interrupts import stop_if_interrupted
+from robid.interrupts import deaf_children, stop_if_interrupted
 
 
 class Progress(Protocol):
@@ -135,7 +135,7 @@ def _map_in_processes(
     indices = {}
     results: dict[int, Result] = {}
     try:
-        with environment(ONE_THREAD):
+        with environment(ONE_THREAD), deaf_children():
             for index, task in enumerate(tasks):
                 indices[executor.submit(function, task)] = index
         for future in as_completed(indices):

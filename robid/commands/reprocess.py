@@ -13,7 +13,7 @@ from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, locked
 from robid.backends.map import make_map
 from robid.commands.output import Answer, print_json
-from robid.commands.shared import PROBLEM, choose_backend
+from robid.commands.shared import PROBLEM, choose_backend, warn_of_scheduler
 from robid.errors import SettingsError
 from robid.fleet.comparison import listed
 from robid.fleet.ledger import Ledger, RowError, causes
@@ -145,8 +145,10 @@ def reprocess(
         found = look(fleet, run_dir / ROWS, keep=options.keep, force=options.force)
         _show_look(shell, found, as_json=as_json, one_line=stream)
         return 0
+    address = scheduler or execution.scheduler
+    warn_of_scheduler(shell, chosen, address)
     count, inputs = workers or execution.workers or os.cpu_count() or 1, tuple(_folders(fleet))
-    mapped = partial(make_map, chosen, scheduler=scheduler or execution.scheduler, folder=run_dir, inputs=inputs)
+    mapped = partial(make_map, chosen, scheduler=address, folder=run_dir, inputs=inputs)
     name, does = fleet.experiment.name, f"robid reprocess {manifest} {experiment}"
     with (
         locked(run_dir / FOLDER_LOCK, does),

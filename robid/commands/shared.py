@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from robid.arrays import Meaning
 from robid.artifacts.atomic import FOLDER_LOCK, check_folders
 from robid.artifacts.store import read_header
+from robid.backends.addresses import warning_of
 from robid.errors import ArtifactError, SettingsError, require_module
 from robid.models.known import load_experiment
 from robid.pipeline.chain import STAGES
@@ -76,7 +77,16 @@ def choose_backend(
 def make_shell(run: Run, *, as_json: bool) -> Shell:
     """Returns where a command talks to."""
     quiet = as_json or run.loaded.experiment.execution.log_level == "warning"
-    return Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+    shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet)
+    warn_of_scheduler(shell, run.backend, run.scheduler)
+    return shell
+
+
+def warn_of_scheduler(shell: Shell, backend: str, scheduler: str | None) -> None:
+    """Warns where the address of a scheduler leads to another machine without encryption."""
+    warning = warning_of(scheduler) if backend == "dask" else ""
+    if warning:
+        shell.warn(warning)
 
 
 @dataclass(frozen=True)

@@ -88,6 +88,7 @@ PARAMETER_COLUMNS = (
 )
 """Columns of parameters that have two intervals, each beside the value that it is of."""
 _MAT_TITLE = 116
+_FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 
 
 def origin_of(task: ExportTask, status: str) -> dict[str, str]:
@@ -135,18 +136,24 @@ def encode_json(content: Content) -> bytes:
 
 
 def encode_csv(columns: Sequence[str], rows: Sequence[Sequence[object]]) -> bytes:
-    """Writes a table with its column names, numbers with all their digits."""
+    """Writes a table with its column names, numbers with all their digits; no text is taken for a formula."""
     text = io.StringIO(newline="")
     writer = csv.writer(text)
-    writer.writerows([columns, *rows])
+    writer.writerows([as_text(cell) for cell in row] for row in (columns, *rows))
     return text.getvalue().encode()
+
+
+def as_text(cell: object) -> object:
+    """Puts an apostrophe before a text that a spreadsheet would run as a formula; numbers stay what they are."""
+    return f"'{cell}" if isinstance(cell, str) and cell.startswith(_FORMULA) else cell
 
 
 def encode_table(notes: Sequence[str], columns: Sequence[str], rows: FloatArray, *, digits: int = 9) -> bytes:
     """Writes a table of numbers below lines of notes that begin with `#`; nine digits keep every float32, 17 all."""
     text = io.StringIO(newline="")
     text.writelines(f"# {note}\n" for note in notes)
-    np.savetxt(text, rows, fmt=f"%.{digits}g", delimiter=",", header=",".join(columns), comments="")
+    csv.writer(text, lineterminator="\n").writerow(map(as_text, columns))
+    np.savetxt(text, rows, fmt=f"%.{digits}g", delimiter=",")
     return text.getvalue().encode()
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from robid.pipeline.progress import Pace, Standing, roughly
+from robid.printable import printable
 from robid.report.wrapping import WIDEST, wrap
 
 if TYPE_CHECKING:
@@ -128,7 +129,9 @@ class Bar:
 
         now, console = time.monotonic(), self.shell.err
         left = self.pace.left_s(self.total - self.done, now)
-        standing = Standing(self.label, self.place, now - self.begun, left, self.done, self.total, self.unit)
+        standing = Standing(
+            printable(self.label, ""), self.place, now - self.begun, left, self.done, self.total, self.unit
+        )
         plain = not console.encoding.lower().startswith("utf")
         return Text.assemble(*standing.line(console.width, plain=plain), no_wrap=True, overflow="ignore")
 
@@ -141,7 +144,7 @@ def _print(console: Console, text: str, style: str = "", bold: int = 0, *, as_it
     from rich.text import Text
 
     width = console.width if console.is_terminal and not as_it_is else None
-    shown = Text(wrap(text, width), style)
+    shown = Text(wrap(printable(text), width), style)
     shown.stylize("bold", 0, bold)
     console.print(shown, soft_wrap=True, highlight=False)
 
@@ -154,7 +157,7 @@ def status_lines(
     indent = first + second + 4
     coloured = width and not os.environ.get("NO_COLOR") and os.environ.get("TERM") not in _COLOURLESS
     lines = []
-    for output, status, why in (head, *rows):
+    for output, status, why in (head, *(tuple(printable(cell, "") for cell in row) for row in rows)):
         shown = f"{status:{second}}"
         if coloured:
             shown = f"\x1b[{_COLOURS.get(status, 2)}m{shown}\x1b[0m"

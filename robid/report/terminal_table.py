@@ -10,6 +10,7 @@ from rich.cells import cell_len, chop_cells
 from rich.console import Console, ConsoleOptions
 from rich.text import Text
 
+from robid.printable import printable
 from robid.report.wrapping import wrap
 
 _GAP = 2  # columns between two columns
@@ -55,7 +56,7 @@ class TerminalTable:
     def add(self, *cells: str | Text) -> None:
         """Adds a row; a cell alone stands across all columns, above the rows that follow."""
         texts = (cell if isinstance(cell, Text) else Text(cell) for cell in cells)
-        self.rows.append(tuple(Text(text.plain.replace("\n", " "), text.style) for text in texts))
+        self.rows.append(tuple(Text(printable(text.plain.replace("\n", " "), ""), text.style) for text in texts))
 
     def __rich_console__(self, _console: Console, options: ConsoleOptions) -> Iterator[Text]:
         """Yields the lines for the width of a console."""

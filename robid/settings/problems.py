@@ -13,6 +13,7 @@ from typing import Any, TypeAlias, TypeVar
 from pydantic import BaseModel, ValidationError
 
 from robid.errors import SettingsError
+from robid.printable import printable
 from robid.settings.base import NAME_PATTERN
 from robid.settings.yaml import Document, FieldPath
 
@@ -47,7 +48,8 @@ class SettingsProblem:
     origin: str = ""  # Where what is wrong is written, see `Document.origin`; empty where nothing is known of it
 
     def __str__(self) -> str:
-        return f"{self.file}:{self.line}: {self.field}: {self.message}"
+        place = printable(f"{self.file}:{self.line}: {self.field}", keep="")
+        return f"{place}: {self.message}"
 
 
 def problem_at(document: Document, field: FieldPath, message: str) -> SettingsProblem:

@@ -262,7 +262,7 @@ def test_the_sample_output_is_of_the_default_experiment():
 
 def test_exit_codes_of_the_page_are_those_of_the_errors():
     codes = {int(code) for code in re.findall(r"^\| (\d+) \|", EXIT_CODES, re.MULTILINE)}
-    assert codes == {0, 1, SettingsError.exit_code, ArtifactError.exit_code, DataError.exit_code, 5, 130}
+    assert codes == {0, 1, SettingsError.exit_code, ArtifactError.exit_code, DataError.exit_code, 5, 130, 143}
     for error, word in ((SettingsError, "settings"), (ArtifactError, "artifact"), (DataError, "data")):
         assert re.search(rf"^\| {error.exit_code} \| .*{word}", EXIT_CODES, re.MULTILINE)
 
