@@ -7,7 +7,7 @@ BENCH := OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --o
 DATA := $(or $(ROBID_DATA),../shared/data)
 
 .DEFAULT_GOAL := help
-.PHONY: help install run run-log study test test-slow lint check docs bench bench-quick clean
+.PHONY: help install run run-log study test test-slow test-hard lint check docs bench bench-quick clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## /\1|/p' $(MAKEFILE_LIST) | while IFS='|' read -r name text; do printf '  %-10s %s\n' "$$name" "$$text"; done
@@ -35,10 +35,15 @@ study: $(STAMP) ## run a study, as in make study NAME=frf
 	$(BIN)/robid study configs/studies/$(NAME).yaml
 
 test: $(STAMP) ## run the tests, on all cores
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "not slow" -n auto --dist worksteal
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "not slow and not hard" -n auto --dist worksteal
 
 test-slow: $(STAMP) ## run the tests that take minutes
 	$(BIN)/python -m pytest -q -s -m slow
+
+test-hard: $(STAMP) ## attack it for an hour: mutated settings, damaged files; counts in runs/hard/summary.json
+	rm -rf runs/hard
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m hard -n auto; \
+	code=$$?; $(BIN)/python tests/hard_summary.py; exit $$code
 
 lint: $(STAMP) ## check format, rules, types and layers
 	$(BIN)/ruff format --check robid tests

@@ -28,6 +28,7 @@ from scipy.io import savemat
 import robid as robid_package
 from any_log_text import Text
 from log_files import WRITERS
+from mutations import command_case, settings_case
 from robid.artifacts.artifact import Artifact
 from robid.artifacts.kinds import DESIGN, EXCITATION, FRF, RECORD, frf_from_artifact
 from robid.artifacts.results import MODEL, VALIDATION
@@ -385,6 +386,8 @@ CASES: dict[str, Callable[[Path, Path, np.random.Generator], str]] = {
     "fleet": fleet_case,
     "log": log_case,
     "ended": ended_case,
+    "settings": settings_case,
+    "command": command_case,
 }
 
 

@@ -5,54 +5,18 @@ log's: at most 20 % of its elements beyond 3 deviations. A case is known by its 
 `damage.run_cases(case, folder, range(seed, seed + 1))` runs it again.
 """
 
-import contextlib
-import shutil
 from collections import Counter
-from pathlib import Path
 
 import pytest
 
 pytest.importorskip("pyarrow")
 
 import damage
-from fleet_floor import Floor
+from damaged_folders import MAKERS
 
-STAGES = Path(__file__).parent.parent / "stages"
-SHORT = {"artifact": 45, "log": 15}
+SHORT = {"artifact": 45, "log": 15, "settings": 150, "command": 40}
 LONG = {"artifact": 1080, "log": 800, "chain": 60, "fleet": 60}
 """Numbers of cases; the long ones are 2,000."""
-
-
-class _Shop:
-    """What a floor needs of a workshop."""
-
-    def __init__(self, folder):
-        self.folder = folder
-
-    def robid(self, *arguments):
-        return damage.robid(*arguments)
-
-
-def make_small(folder):
-    for name in ("arm.yaml", "small.yaml"):
-        shutil.copy(STAGES / name, folder)
-    with contextlib.chdir(folder):
-        assert damage.robid("run", "small.yaml")[0] == 0
-
-
-def make_fleet(folder):
-    floor = Floor(_Shop(folder))
-    floor.start({"soft": 0.9, "hard": 1.1})
-    with contextlib.chdir(folder):
-        assert floor.robid()[0] == 0
-
-
-def make_logs(folder):
-    experiment = (STAGES / "fleet.yaml").read_text(encoding="utf-8")
-    damage.write_logs(folder, damage.readable(), experiment, STAGES / "bench_robot.yaml")
-
-
-MAKERS = {"artifact": make_small, "chain": make_small, "fleet": make_fleet, "log": make_logs}
 
 
 @pytest.fixture(scope="module")
