@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 PAGE, RECORD = ROOT / "docs/reference/benchmarks.md", ROOT / "data/bench.json"
 # Key, or its beginning: what it is.
 _MEANINGS = {
-    "cli.help_vs_floor": "the help of the command line, its time over that of importing NumPy, h5py, pydantic and typer",
+    "cli.help_vs_floor": "the command line's help, its time over that of importing NumPy, h5py, pydantic and typer",
     "cli.status_vs_floor": "`robid status` of the default experiment, over the same",
     "cli.import_vs_numpy": "`import robid`, over `import numpy`",
     "design.a_300_ms": "A-optimal weights of 300 candidates, 26 parameters [ms]",
