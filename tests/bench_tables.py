@@ -49,7 +49,7 @@ _MEANINGS = {
 _HEAD = """# Benchmarks
 How fast robid is, as `make bench` measures it: most figures are ratios of two tasks that are timed in turn in one run,
 which hardly depend on the machine. Above 1 robid is faster than what it is compared with, unless a figure says
-"over". `make bench-quick`, which CI runs, holds the quick ones against `tests/bench/baseline.json` and fails where one
+"over". `make bench-quick`, which CI runs, compares the quick ones with `tests/bench/baseline.json` and fails where one
 is worse by a factor of 1.5, twice in a row.
 """
 

@@ -102,15 +102,16 @@ def make_map(
 
 @contextmanager
 def _processes(workers: int) -> Iterator[Map]:
-    executor = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker)
+    executor, is_whole = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), _start_worker), True
     try:
         yield partial(_map_in_processes, executor)
     except BaseException:
+        is_whole = False
         for process in list((executor._processes or {}).values()):
             process.kill()
         raise
     finally:
-        executor.shutdown(wait=True, cancel_futures=True)
+        executor.shutdown(wait=True, cancel_futures=is_whole)
 
 
 def _map_serially(
@@ -147,9 +148,11 @@ def _map_in_processes(
         what = "B010 A worker process ended before its task was done."
         remedy = "most often memory ran out: use fewer --workers or --backend serial; finished parts are kept"
         raise WorkerError(what, where=f"{len(results)} of {len(tasks)} tasks were done", remedy=remedy) from error
-    finally:
+    except Exception:
+        # Not after an interrupt: workers are killed, and the executor's thread fails over cancelled futures.
         for future in indices:
             future.cancel()
+        raise
     return [results[index] for index in range(len(tasks))]
 
 
