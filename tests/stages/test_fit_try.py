@@ -32,8 +32,9 @@ def cost(path):
 
 
 def promised(sentence):
-    """Share of the first explanation, and what `free` must say: with two joints, a link may stand for the payload."""
-    found = re.search(r"would explain (\d+)% of the misfit \(try `(free: \[[^]]*\])`", sentence)
+    """Share of the first cause, and what `free` must say: with two joints, a link may stand for the payload."""
+    causes = sentence.partition("Look first for ")[2]
+    found = re.search(r"would explain (\d+)% of the misfit \(try `(free: \[[^]]*\])`", causes)
     return float(found[1]) / 100, found[2]
 
 
