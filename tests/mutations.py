@@ -76,7 +76,6 @@ _ARGUMENTS = (
         "--json",
         "--dry-run",
         "--help",
-        "--debug",
         "--strict",
         "--fit",
     ),
