@@ -2,7 +2,8 @@
 
 import os
 import signal
-import threading
+import subprocess
+import sys
 
 import h5py
 import numpy as np
@@ -21,13 +22,25 @@ def test_an_interrupt_waits_until_a_file_is_whole(tmp_path):
     assert signal.getsignal(signal.SIGINT) is before
 
 
-def test_threads_write_too(tmp_path):
-    def write():
-        with create_file(tmp_path / "b.h5") as file:
-            file["there"] = 1
+_IN_A_THREAD = """
+import sys, threading
+from pathlib import Path
+from robid.artifacts.layout import create_file
 
-    thread = threading.Thread(target=write)
-    thread.start()
-    thread.join()
+def write():
+    with create_file(Path(sys.argv[1])) as file:
+        file["there"] = 1
+
+thread = threading.Thread(target=write)
+thread.start()
+thread.join()
+"""
+
+
+def test_threads_write_too(tmp_path):
+    # In a process of its own: an interrupt of another test may have left HDF5's lock with the main thread.
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "-c", _IN_A_THREAD, str(tmp_path / "b.h5")]
+    subprocess.run(command, check=True, env=environment, timeout=60)
     with h5py.File(tmp_path / "b.h5") as file:
         assert file["there"][()] == 1
