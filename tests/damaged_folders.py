@@ -51,3 +51,17 @@ MAKERS = {
     "fleet": make_fleet,
     "log": make_logs,
 }
+
+
+def made_once(new_folder):
+    """Returns what gives the folder that a case damages, made when it is first asked for."""
+    folders = {}
+
+    def make(case):
+        maker = MAKERS[case]
+        if maker not in folders:
+            folders[maker] = new_folder(case)
+            maker(folders[maker])
+        return folders[maker]
+
+    return make

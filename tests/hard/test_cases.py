@@ -18,7 +18,7 @@ import pytest
 pytest.importorskip("pyarrow")
 
 import damage
-from damaged_folders import MAKERS, STAGES
+from damaged_folders import STAGES, made_once
 from mutations import mutated
 
 SCALE = float(os.environ.get("ROBID_HARD_SCALE", "1"))
@@ -37,16 +37,7 @@ def chunks(count):
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    folders = {}
-
-    def make(case):
-        maker = MAKERS[case]
-        if maker not in folders:
-            folders[maker] = tmp_path_factory.mktemp(case)
-            maker(folders[maker])
-        return folders[maker]
-
-    return make
+    return made_once(tmp_path_factory.mktemp)
 
 
 def note(part, first, outcomes):

@@ -12,7 +12,7 @@ import pytest
 pytest.importorskip("pyarrow")
 
 import damage
-from damaged_folders import MAKERS
+from damaged_folders import made_once
 
 SHORT = {"artifact": 45, "log": 15, "settings": 150, "command": 40}
 LONG = {"artifact": 1080, "log": 800, "chain": 60, "fleet": 60}
@@ -21,17 +21,7 @@ LONG = {"artifact": 1080, "log": 800, "chain": 60, "fleet": 60}
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
-    """Returns the folder with what a case damages, made when it is first asked for."""
-    folders = {}
-
-    def make(case):
-        maker = MAKERS[case]
-        if maker not in folders:
-            folders[maker] = tmp_path_factory.mktemp(case)
-            maker(folders[maker])
-        return folders[maker]
-
-    return make
+    return made_once(tmp_path_factory.mktemp)
 
 
 def right(case, folder, seeds):
