@@ -28,7 +28,7 @@ from robid.commands.options import (
 from robid.commands.output import ErrorAnswer, print_json, print_plain
 from robid.commands.stages import stage_command
 from robid.errors import ArtifactError, RobidError, SettingsError, codes_in
-from robid.interrupts import code_of_interrupt, hearing, was_interrupted
+from robid.interrupts import code_of_interrupt, forget_interrupts, hearing, was_interrupted
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
 from robid.printable import printable
@@ -61,6 +61,7 @@ def main() -> None:
     finally:
         with suppress(RobidError, KeyboardInterrupt):
             sys.stdout.flush()
+    forget_interrupts()
     # What is left ends with the process: looking through it for garbage takes a quarter of a short command's time.
     gc.freeze()
     sys.exit(code)

@@ -68,6 +68,15 @@ def stop_if_interrupted() -> None:
         raise KeyboardInterrupt
 
 
+def forget_interrupts() -> None:
+    """Has this process end with its own code: Python ends it by SIGINT after an interrupt within `exec` of a text.
+
+    Modules with dataclasses and named tuples do that while they are imported; the next text that is executed clears
+    what Python notes there (`unhandled_keyboard_interrupt` in CPython's `pythonrun.c`).
+    """
+    exec("")  # noqa: S102
+
+
 @contextmanager
 def deaf_children() -> Iterator[None]:
     """Processes that are started meanwhile leave interrupts to this one, from before their first line on."""

@@ -116,6 +116,25 @@ def test_an_interrupt_while_modules_are_imported_leaves_no_traceback(module):
     assert "ignored" not in ended.stderr
 
 
+_TEXT = """
+import os, signal
+from robid import cli
+
+def body(*_, **__):
+    exec("os.kill(os.getpid(), signal.SIGINT)", globals())
+
+cli._app_for = lambda _: body
+cli.main()
+"""
+
+
+def test_an_interrupt_within_a_text_that_is_executed_ends_by_its_code():
+    # As modules do while they are imported: dataclasses execute texts.
+    ended = subprocess.run([sys.executable, "-c", _TEXT], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ended.returncode == 130
+    assert ended.stderr.count("interrupted") == 1
+
+
 _MAP = """
 import os, signal, sys, time
 import robid.__main__
