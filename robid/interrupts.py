@@ -74,7 +74,7 @@ def forget_interrupts() -> None:
     Modules with dataclasses and named tuples do that while they are imported; the next text that is executed clears
     what Python notes there (`unhandled_keyboard_interrupt` in CPython's `pythonrun.c`).
     """
-    exec("")  # noqa: S102
+    exec("")
 
 
 @contextmanager
