@@ -128,9 +128,12 @@ cli.main()
 """
 
 
-def test_an_interrupt_within_a_text_that_is_executed_ends_by_its_code():
-    # As modules do while they are imported: dataclasses execute texts.
-    ended = subprocess.run([sys.executable, "-c", _TEXT], cwd=ROOT, capture_output=True, text=True, check=False)
+def test_an_interrupt_within_a_text_that_is_executed_ends_by_its_code(tmp_path):
+    # As modules do while they are imported: dataclasses execute texts. Only `python -m` asks for what Python noted.
+    (tmp_path / "text.py").write_text(_TEXT, encoding="utf-8")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+    command = [sys.executable, "-m", "text"]
+    ended = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert ended.returncode == 130
     assert ended.stderr.count("interrupted") == 1
 
