@@ -84,11 +84,15 @@ JOBS = {
 class Truth:
     """What a job leaves where nothing disturbs it, and how long that takes."""
 
-    job: Job
+    name: str
     contents: dict[str, Any]
     names: set[str]
     seconds: float
     n_bytes: int
+
+    @property
+    def job(self) -> Job:
+        return JOBS[self.name]
 
     def check(self, folder: Path) -> str:
         """Returns what is other in a folder than in that of the truth, or nothing."""
@@ -108,7 +112,7 @@ def truth_of(name: str, folder: Path) -> Truth:
     code, text = run(job, folder)
     assert code in (0, 5), text
     n_bytes = sum(path.stat().st_size for path in (folder / job.runs).rglob("*") if path.is_file())
-    return Truth(job, job.contents(folder), job.names(folder), time.monotonic() - before, n_bytes)
+    return Truth(name, job.contents(folder), job.names(folder), time.monotonic() - before, n_bytes)
 
 
 def command_of(job: Job, backend: str = "serial") -> list[str]:
