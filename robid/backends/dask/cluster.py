@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import dask
 from distributed import Client, KilledWorker, LocalCluster
+from distributed.deploy.spec import SpecCluster
 from distributed.system import MEMORY_LIMIT
 from distributed.versions import VersionMismatchWarning
 
@@ -331,7 +332,10 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
             )
             stack.callback(cluster.close, timeout=10)
             client = stack.enter_context(Client(cluster, set_as_default=False))
-        except (OSError, RuntimeError) as error:
+        except BaseException as error:
+            _abandon()
+            if not isinstance(error, OSError | RuntimeError):
+                raise
             message = f"B005 The local Dask cluster did not start: {str(error).rstrip('.')}."
             raise BackendError(message, remedy="use --backend processes") from error
         try:
@@ -341,8 +345,15 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
             raise
 
 
-def _kill(cluster: LocalCluster) -> None:
-    for nanny in cluster.workers.values():
+def _abandon() -> None:
+    """Ends what a cluster has started that did not get up: at exit, Dask would wait for it and print what it missed."""
+    for cluster in list(SpecCluster._instances):
+        cluster.shutdown_on_close = False
+        _kill(cluster)
+
+
+def _kill(cluster: SpecCluster) -> None:
+    for nanny in list(cluster._created):
         nanny.auto_restart = False
         if nanny.pid:
             with suppress(ProcessLookupError):

@@ -195,3 +195,33 @@ def test_workers_end_with_an_interrupted_or_killed_parent(tmp_path: Path, sent: 
     finally:
         parent.kill()
         parent.communicate()
+
+
+_STARTING = """
+import os, signal
+from pathlib import Path
+import backend_tasks
+from distributed import Nanny
+from robid.backends.map import make_map
+
+async def interrupt(nanny):
+    os.kill(os.getpid(), signal.SIGINT)
+    return await start(nanny)
+
+if __name__ == "__main__":
+    start, Nanny.start_unsafe = Nanny.start_unsafe, interrupt
+    with make_map("dask", 2, folder=Path()) as ordered:
+        ordered(backend_tasks.process_id, [1])
+"""
+
+
+def test_a_cluster_that_is_interrupted_while_it_starts_ends_without_a_word_of_its_own(tmp_path: Path) -> None:
+    (tmp_path / "parent.py").write_text(_STARTING)
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
+    command = [sys.executable, "parent.py"]
+    ended = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False, timeout=60
+    )
+    assert ended.returncode == -signal.SIGINT
+    assert ended.stderr.count("Traceback") == 1
+    assert "ignored" not in ended.stderr
