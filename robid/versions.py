@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import platform
+from functools import cache
 
 __version__ = "0.1.0"
 
@@ -11,12 +12,15 @@ _PACKAGES = ("numpy", "scipy", "mujoco-core", "nlopt", "h5py")
 
 def package_versions() -> dict[str, str]:
     """Versions of Python, robid and the packages that decide its numbers."""
+    return {"python": platform.python_version(), "robid": __version__, **{name: _version(name) for name in _PACKAGES}}
+
+
+@cache
+def _version(name: str) -> str:
+    """What is installed of a package, looked up once: to read it takes some milliseconds."""
     from importlib import metadata
 
-    versions = {"python": platform.python_version(), "robid": __version__}
-    for name in _PACKAGES:
-        try:
-            versions[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    return versions
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return "not installed"

@@ -18,6 +18,7 @@ _LOWEST = 3  # Lines from 0 whose share in others is integrated: there the remov
 _SLOPE = 1.5  # Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency
 # Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band.
 _CHANCE = 0.05
+_SPARSE = 16  # Samples from one to the next of those that show a signal's size
 _POINTS = 4  # Points of that integral per period and line
 
 
@@ -84,12 +85,15 @@ def exceeds(scatter: ComplexArray, covariance: ComplexArray, single: float) -> b
 
 def _noise_spectrum(record: Record) -> ComplexArray:
     """Covariance of outputs and inputs (n_line, n_channel, n_channel) in one period, from line 0 on."""
-    rows = _deviations(record.outputs[0], record.inputs[0])
-    return np.asarray(np.swapaxes(rows, 1, 2) @ rows.conj())
+    rows, size = _deviations(record.outputs[0], record.inputs[0])
+    return np.asarray((np.swapaxes(rows, 1, 2) @ rows.conj()) * np.outer(size, size))
 
 
-def _deviations(outputs: FloatArray, inputs: FloatArray) -> ComplexArray:
+def _deviations(outputs: FloatArray, inputs: FloatArray) -> tuple[ComplexArray, FloatArray]:
     """Contrasts of the periods under a Hann window (n_line, n_row, n_channel) over the root of their number `n_row`.
+
+    They come over their size (n_channel,), in single precision: what repeats is gone before, and a covariance that is
+    told to some per cent needs no more.
 
     Periods less their mean have as many degrees of freedom as orthonormal contrasts, which are fewer transforms. Line
     0 is drift as well as noise, and is left out; line 1 stands in its place.
@@ -98,23 +102,29 @@ def _deviations(outputs: FloatArray, inputs: FloatArray) -> ComplexArray:
         outputs (n_real, n_exp, n_period, n_sample, n_out): Signals whose drift is removed.
         inputs (n_real, n_exp, n_period, n_sample, n_in): The others.
     """
-    n_real, n_exp, n_period, n_sample, n_out = outputs.shape
-    taken, n_row = period_contrasts(n_period), n_real * n_exp * (n_period - 1)
-    moved = np.empty((n_sample, n_row, n_out + inputs.shape[-1]))
-    for samples, channels in ((outputs, slice(None, n_out)), (inputs, slice(n_out, None))):
-        moved[..., channels] = np.einsum("dp,repsc->sredc", taken, samples).reshape(n_sample, n_row, -1)
-    moved -= moved.mean(axis=0)
-    if n_period > 2:  # Between two periods the slope is the same at both.
-        slope = np.einsum("dp,repc->redc", taken, np.gradient(outputs.mean(axis=3), axis=2)).reshape(n_row, n_out)
-        moved[..., :n_out] -= slope * ramp_of_period(n_sample)[:, :, None]
+    n_period, n_sample = outputs.shape[2:4]
+    taken = period_contrasts(n_period)
+    n_row = outputs.shape[0] * outputs.shape[1] * len(taken)
     # Hann window; sqrt(1.5) makes white noise as large as without.
     window = (1 - np.cos(2 * np.pi * np.arange(n_sample) / n_sample)) / np.sqrt(1.5 * n_row)
-    moved *= window[:, None, None]
-    spectrum = rfft(moved, axis=0, norm="forward", overwrite_x=True)[:-1]
+    spectra, sizes = [], []
+    for samples, drifts in ((outputs, n_period > 2), (inputs, False)):
+        moved = np.ascontiguousarray(np.einsum("dp,repsc->sredc", taken, samples)).reshape(n_sample, n_row, -1)
+        moved -= moved.mean(axis=0)
+        if drifts:  # Between two periods the slope is the same at both.
+            slope = np.einsum("dp,repc->redc", taken, np.gradient(samples.mean(axis=3), axis=2)).reshape(n_row, -1)
+            moved -= slope * ramp_of_period(n_sample)[:, :, None]
+        size = np.abs(moved[::_SPARSE]).max(axis=(0, 1))
+        size = np.where(size > np.finfo(np.float32).tiny, size, 1.0)
+        reduced = np.empty(moved.shape, np.float32)
+        np.multiply(moved, window[:, None, None] / size, out=reduced, casting="same_kind")
+        spectra.append(rfft(reduced, axis=0, norm="forward", overwrite_x=True)[:-1])
+        sizes.append(size)
+    spectrum = np.concatenate(spectra, axis=2)
     # Without line 0, line 1 keeps its size: its share of what it leaves out is unknown.
     spectrum[1] *= np.sqrt(1.5)
     spectrum[0] = np.sqrt(_SLOPE) * spectrum[1]
-    return np.asarray(spectrum)
+    return spectrum, np.concatenate(sizes)
 
 
 def _far_share(spectrum: ComplexArray, lines: IntArray, n_period: int, n_sample: int) -> ComplexArray:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray
+from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.results.finding import Finding
 from robid.results.plausible.evidence import Evidence
 from robid.results.plausible.hypotheses import Named, Seen, hypotheses_of, joined, name_scales
@@ -157,16 +157,11 @@ class _Scene:
         evidence = self._evidence
         rows, values, places = [], [], []
         if evidence.torque_unit == "N m":
-            away, usable = self._away(time)
-            middle = away.shape[1] // 2
-            for row, column, half in np.ndindex(*away.shape[2:], 2):
-                lines = slice(None, middle) if half == 0 else slice(middle, None)
-                seen = away[:, lines, row, column][usable[:, lines, row, column]]
-                if seen.size < _LEAST_LINES:
-                    continue
+            medians, counts = _medians_of_halves(*self._away(time))
+            for row, column, half in np.argwhere(counts >= _LEAST_LINES).tolist():
                 own = evidence.moved[row].name.removesuffix(".arm") == evidence.names[column]
                 rows.append(self._row({self._n_motor + row: 1.0, column: -1.0, -1: -self._derivatives[row]}))
-                values.append(float(np.median(seen)))
+                values.append(float(medians[row, column, half]))
                 places.append((row, column, own))
         driven = [value for value, (row, _, own) in zip(values, places, strict=True) if own and self._is_motor(row)]
         # A file is rough in each of its values: those that are off alike are off for another reason.
@@ -252,6 +247,25 @@ class _Scene:
 def _seen(rows: list[FloatArray], values: list[float], covariance: FloatArray, n_state: int) -> Seen:
     size = len(rows)
     return Seen(np.reshape(rows, (size, n_state)), np.reshape(values, size), np.reshape(covariance, (size, size)))
+
+
+def _medians_of_halves(values: FloatArray, usable: BoolArray) -> tuple[FloatArray, IntArray]:
+    """Medians (n_moved, n_motor, 2) of what is usable in the lower and the upper half of the band, and how many.
+
+    Args:
+        values (n_conf, n_line, n_moved, n_motor): Values.
+        usable (n_conf, n_line, n_moved, n_motor): Which of them count.
+    """
+    middle, (n_moved, n_motor) = values.shape[1] // 2, values.shape[2:]
+    medians, counts = np.empty((n_moved, n_motor, 2)), np.empty((n_moved, n_motor, 2), int)
+    for half, lines in enumerate((slice(None, middle), slice(middle, None))):
+        # Sorted, what does not count comes last.
+        ranked = np.sort(np.where(usable, values, np.nan)[:, lines].reshape(-1, n_moved, n_motor), axis=0)
+        count = usable[:, lines].sum(axis=(0, 1))
+        ranks = np.maximum(np.stack([count - 1, count]) // 2, 0)
+        medians[..., half] = np.take_along_axis(ranked, ranks, axis=0).mean(axis=0) if len(ranked) else np.nan
+        counts[..., half] = count
+    return medians, counts
 
 
 def _level_covariance(places: list[tuple[int, int, bool]]) -> FloatArray:
