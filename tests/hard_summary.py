@@ -18,7 +18,7 @@ def note(part, first, outcomes):
                       what.partition(":")[0] for what in outcomes.values() if not what.startswith("WRONG"))  # fmt: skip
     RUNS.mkdir(parents=True, exist_ok=True)
     content = {"part": part, "first": first, "cases": len(outcomes), "counted": counted, "unexpected": wrong}
-    (RUNS / f"{part}_{first}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+    (RUNS / f"{part.replace(' ', '-')}_{first}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
     assert not wrong, "\n".join(f"{part} {seed}: {what}" for seed, what in wrong.items())
 
 

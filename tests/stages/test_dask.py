@@ -24,6 +24,14 @@ def test_a_fresh_run_needs_no_workers(done, monkeypatch):
     assert {node["outcome"] for node in answer.json["nodes"]} == {"fresh"}
 
 
+def test_a_fresh_run_removes_what_a_killed_one_left(done):
+    left = done.runs / ".dask-0123"
+    left.mkdir()
+    (left / "lock").touch()
+    assert done.robid("run", "small.yaml", "--backend", "dask").code == 0
+    assert not left.exists()
+
+
 @pytest.mark.parametrize("command", ["run", "study", "simulate-or-acquire"])
 def test_without_the_extra_every_command_says_how_to_install_it(shop, monkeypatch, command):
     found = importlib.util.find_spec

@@ -23,7 +23,7 @@ from distributed.deploy.spec import SpecCluster
 from distributed.system import MEMORY_LIMIT
 from distributed.versions import VersionMismatchWarning
 
-from robid.backends.dask.exchange import Exchange, Packer, shared_folder
+from robid.backends.dask.exchange import Exchange, Packer, remove_left, shared_folder
 from robid.backends.dask.worker import (
     DATA,
     GUIDE,
@@ -259,6 +259,9 @@ def dask_map(
         ) -> list[Any]:
             return started()(function, tasks, on_done) if tasks else []
 
+        if folder is not None:
+            # A run in which nothing is left to do starts no cluster.
+            remove_left(folder)
         if scheduler is not None:
             started()
         yield mapped

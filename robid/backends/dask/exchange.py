@@ -155,11 +155,17 @@ def mark_of(folder: str, address: str) -> Path:
     return Path(folder) / f"at-{re.sub(r'[^0-9A-Za-z]+', '-', address)}"
 
 
+def remove_left(folder: Path) -> None:
+    """Removes what killed clients left in a run folder: the system has freed their locks."""
+    for left in folder.glob(f"{PREFIX}*"):
+        with suppress(OSError), (left / "lock").open("r+", encoding="utf-8") as held:
+            fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(left, ignore_errors=True)
+
+
 @contextmanager
 def shared_folder(folder: Path | None) -> Iterator[Exchange]:
     """Yields a new folder for client and workers within a run folder, and removes it at the end.
-
-    One that a killed client left is removed, too: the system has freed its lock.
 
     Without a run folder it is a temporary one of this machine.
 
@@ -169,10 +175,7 @@ def shared_folder(folder: Path | None) -> Iterator[Exchange]:
     try:
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
-            for left in folder.glob(f"{PREFIX}*"):
-                with suppress(OSError), (left / "lock").open("r+", encoding="utf-8") as held:
-                    fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                    shutil.rmtree(left, ignore_errors=True)
+            remove_left(folder)
         made = (folder or Path(tempfile.gettempdir())).resolve() / f"{PREFIX}{secrets.token_hex(8)}"
         made.mkdir()
         exchange = Exchange(made)
