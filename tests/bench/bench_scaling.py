@@ -3,17 +3,21 @@
 A slope of 1 is proportional; below, what is fixed still counts.
 """
 
+import shutil
 import time
 import tracemalloc
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from default_campaign import CONFIGURATION, DELAY_S, ROBOT, default_experiment
 from exact_systems import exact_frf
+from fleet_floor import COMMAND, Floor
 from frf_campaign import make_job, random_record, write_campaign
 from robid.backends.map import make_map
+from robid.cli import run_command
 from robid.design.configurations.relaxed import relaxed_design
 from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.options import ElasticOptions
@@ -114,3 +118,20 @@ def test_a_design_over_candidates(grow):
         return lambda: relaxed_design(matrices)
 
     grow("design.candidates", make)
+
+
+def test_a_fleet_over_rows(grow, tmp_path, monkeypatch):
+    def make(size):
+        folder = tmp_path / f"{size}"
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        floor = Floor(SimpleNamespace(folder=folder))
+        floor.start({f"robot_{index}": 1.0 + 0.01 * index for index in range(size)})
+
+        def task():
+            shutil.rmtree(folder / "runs", ignore_errors=True)
+            assert run_command([*COMMAND, "--json"]) == 0
+
+        return task
+
+    grow("reprocess.rows", make)
