@@ -74,7 +74,7 @@ def test_points_without_a_cost_are_stepped_around():
     np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-6)
 
 
-def test_what_follows_a_refused_step_is_half_as_long_at_most():
+def test_what_follows_a_refused_step_is_a_quarter_as_long_at_most():
     wall, tried = 50.3, []
     cost, normal = least_squares(lambda x: x - 100.0, lambda _: np.eye(1))
 
@@ -90,7 +90,7 @@ def test_what_follows_a_refused_step_is_half_as_long_at_most():
         *(tried[index] - tried[refused - 1] for index in (refused, refused + 1)),
     )
     assert (place, step) == (pytest.approx(49.9), pytest.approx(1.0))
-    assert 0 < following <= 0.5
+    assert 0 < following <= 0.25
 
 
 def test_cost_never_rises():
