@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -18,6 +19,7 @@ _STEP_TOLERANCE = 1e-9
 _DAMPING_LIMIT = 1e12
 _ROUNDING = 1e-13  # of the cost: no decrease can be told from rounding
 _FIRST_DAMPING = 1e-3
+_SHORTER = 0.25  # than a step that was refused
 _SINGULAR = 1e-12  # of the largest, an eigenvalue that counts as none
 
 
@@ -124,7 +126,7 @@ def _descend(
             point = point + step
             here = normal(point)
         else:
-            damping, growth = damping * growth, growth * 2
+            damping, growth = _more_damping(here, damping, growth, free, partial(box.within, point))
             finished = 0 <= predicted <= _ROUNDING * here.cost and (
                 _decrease(here, box.within(point, _gauss_newton(here, free))) <= _ROUNDING * here.cost
             )
@@ -132,6 +134,22 @@ def _descend(
             status = "converged" if finished else "stalled"
             break
     return Minimum(point, here.cost, steps, status, steps + 1)
+
+
+def _more_damping(
+    here: Normal, damping: float, growth: float, free: BoolArray, allowed: Callable[[FloatArray], FloatArray]
+) -> tuple[float, float]:
+    """Damping and its growth after a step that was refused: as much as takes to quarter what is allowed of the step.
+
+    Damping that fell far while steps were accepted is nothing against the Hessian, and more of it leaves the same step.
+    """
+    root = np.sqrt(np.diag(here.hessian))
+    refused = float(np.linalg.norm(root * allowed(_step(here, damping, free))))
+    while damping <= _DAMPING_LIMIT:
+        damping, growth = damping * growth, growth * 2
+        if np.linalg.norm(root * allowed(_step(here, damping, free))) <= _SHORTER * refused:
+            break
+    return damping, growth
 
 
 def _cosine(here: Normal, free: BoolArray) -> float:

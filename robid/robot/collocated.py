@@ -39,17 +39,26 @@ def motor_rows(model: LinearModel) -> dict[int, int]:
     return {int(motor): int(row) for row, motor in np.argwhere(alike)}
 
 
+@dataclass(frozen=True)
+class _Timing:
+    """What a delay makes of all frequencies."""
+
+    delay_s: float
+    factor: ComplexArray  # (n_line,) Acceleration per motion, lines with hold and delay
+    folding: Folding | None
+    by_delay: Folding | None
+
+
 @dataclass
 class _Solved:
-    """One factorisation: response of the motors, at all frequencies (lines with their hold) and sampled; what folds."""
+    """One factorisation: response of the motors, at all frequencies (lines with their hold) and sampled; when."""
 
     parameters: ElasticParameters
     motors: ComplexArray | None
     fast: FloatArray
     seen: ComplexArray
     sampled: ComplexArray
-    folding: Folding | None
-    by_delay: Folding | None
+    timing: _Timing
     whole: ComplexArray | None = None
 
 
@@ -97,11 +106,14 @@ class Collocated:
         self._order = np.r_[model.n_motor : n, : model.n_motor]
         self._rows, self._columns = np.triu_indices(model.n_motor)
         self._work = np.empty((n, n, self._omega.size), complex)
-        self._products = np.empty((n, max(1, model.n_motor), self._omega.size), complex)
+        self._factors = np.empty((n - model.n_motor, n, self._omega.size), complex)
+        self._product = np.empty((n, self._omega.size), complex)
+        self._whole = np.empty((n, model.n_motor, self._omega.size), complex)
         self._held: tuple[FloatArray, ...] = ()
         self._constant = np.empty(0, complex)
         self._fast = np.empty(0)
         self._solved: _Solved | None = None
+        self._timing: _Timing | None = None
         self._buffer = np.empty((0, 0, 0), complex)
 
     def _add_images(self, folding: Folding) -> None:
@@ -127,60 +139,63 @@ class Collocated:
     def response(self, parameters: ElasticParameters) -> ComplexArray:
         """Sampled response (n_pair, n_line), the upper triangle row by row."""
         self._hold(parameters)
-        work, n_spring = self._work, len(self._work) - self._model.n_motor
-        for row in range(len(work)):
-            work[row, row:] = self._constant[row, row:]
-        springs, motors = np.arange(n_spring), np.arange(n_spring, len(work))
+        n_spring = len(self._factors)
         stiffness = parameters.stiffness[:, None] * self._factor
         # Z = -w^2 M + j w D + K + dg/dq; in spring coordinates only these diagonals vary (docs/methods, sec. 1).
-        work[springs, springs] += stiffness + 1j * parameters.damping[:, None] * self._omega
+        springs = np.asarray(stiffness + 1j * parameters.damping[:, None] * self._omega, complex)
+        _eliminate(self._constant, springs, self._work, self._factors, self._product)
+        rest = self._work[n_spring:, n_spring:]
         if not self._swept:
-            work[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
-        _eliminate(work, n_spring, self._products[:, 0])
-        rest = work[n_spring:, n_spring:]
+            motors = np.arange(len(rest))
+            rest[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
         torque = None if self._swept else _invert(rest)
         # The Schur complement of the springs is the inverse of the response; swept, it is minus the response itself.
         seen = -rest[self._rows, self._columns] if torque is None else torque[self._rows, self._columns]
-        delay_s = float(parameters.delay[0])
-        folding = by_delay = None
-        # Acceleration per torque: -w^2, times hold and delay at the lines; images have these in the folding's weights.
-        factor = np.asarray(-(self._omega**2), complex)
-        factor[self._lines] *= hold_factor(self._line_omega, delay_s, self._period)
-        seen *= factor
+        timing = self._timed(float(parameters.delay[0]))
+        seen *= timing.factor
         sampled = seen[:, self._lines]
-        if self._period is not None:
-            folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate, 1)
-            sampled = sampled + folding.fast[:, 0] * self._fast + self._folded(folding, seen)
-        self._solved = _Solved(parameters, torque, self._fast, seen, sampled, folding, by_delay)
+        if timing.folding is not None:
+            sampled = sampled + timing.folding.fast[:, 0] * self._fast + self._folded(timing.folding, seen)
+        self._solved = _Solved(parameters, torque, self._fast, seen, sampled, timing)
         return np.asarray(sampled)
 
-    def derivatives(self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], scale: ComplexArray) -> ComplexArray:
+    def derivatives(
+        self,
+        kinds: tuple[str, ...],
+        masks: tuple[BoolArray, ...],
+        scale: ComplexArray,
+        beside: ComplexArray | FloatArray | None = None,
+    ) -> ComplexArray:
         """Derivatives (n_param, n_pair, n_line) at the last response by plain values, valid until the next call.
 
         Args:
             kinds: Kinds of parameters, in the order wanted.
             masks: Which elements of each.
             scale (n_pair, n_line): Factor of each element.
+            beside (n_pair, n_line): A further row to stand after them, as it is; none by default.
 
         Raises:
             ValueError: If there was no response before.
         """
         solved = self._last()
         if solved.whole is None:
-            solved.whole = self._whole()
-        shape = sum(int(mask.sum()) for mask in masks), len(scale), self._omega.size
+            solved.whole = self._moved()
+        shape = sum(int(mask.sum()) for mask in masks) + (beside is not None), len(scale), self._omega.size
         if self._buffer.shape != shape:
-            self._buffer = np.empty(shape, complex)
+            self._buffer = np.zeros(shape, complex)
         # dG = w^2 x_o (dZ) x_i: a spring's dZ is one place, so its column is the outer product of its deflection's
         # response.
-        held = np.asarray(self._omega**2, complex)
-        held[self._lines] *= hold_factor(self._line_omega, float(solved.parameters.delay[0]), self._period)
-        if solved.folding is None or not solved.folding.omega.size:
+        held, folding = -solved.timing.factor, solved.timing.folding
+        if folding is None or not folding.omega.size:
             self._fill_all(kinds, masks, scale * held, scale)
-            return self._buffer
-        plain = np.ones_like(scale)
-        self._fill_all(kinds, masks, np.broadcast_to(held, (len(scale), held.size)), plain)
-        return np.asarray((self._buffer[..., self._lines] + self._folded(solved.folding, self._buffer)) * scale)
+            found = self._buffer
+        else:
+            plain = np.ones_like(scale)
+            self._fill_all(kinds, masks, np.broadcast_to(held, (len(scale), held.size)), plain)
+            found = np.asarray((self._buffer[..., self._lines] + self._folded(folding, self._buffer)) * scale)
+        if beside is not None:
+            found[-1] = beside
+        return found
 
     def _fill_all(
         self, kinds: tuple[str, ...], masks: tuple[BoolArray, ...], own: ComplexArray, scale: ComplexArray
@@ -237,26 +252,37 @@ class Collocated:
         turns = self._turns()[:, :, self._order][self._configuration]
         return np.asarray(np.einsum("Lla,aiL->liL", turns, whole, optimize=True))
 
-    def _whole(self) -> ComplexArray:
-        """Motion of all coordinates (n, n_motor, n_line), springs first, by back substitution.
+    def _moved(self) -> ComplexArray:
+        """Motion of all coordinates (n, n_motor, n_line), springs first, by back substitution; valid until the next.
 
         Motors that were swept are not among the unknowns: a unit torque of each stands in their place.
         """
-        solved, work, n_motor = self._last(), self._work, self._model.n_motor
-        n_spring = len(work) - n_motor
-        whole = np.empty((len(work), n_motor, work.shape[-1]), complex)
-        if solved.motors is not None:
-            whole[n_spring:] = solved.motors
+        motors, factors, whole = self._last().motors, self._factors, self._whole
+        n_spring, product = len(factors), self._product[: self._model.n_motor]
+        if motors is not None:
+            whole[n_spring:] = motors
         # Back substitution: x_s = -(Z_ss)^-1 Z_sm x_m, row by row from the eliminated triangle.
         for row in range(n_spring - 1, -1, -1):
-            known = len(work) if solved.motors is not None else n_spring
-            product = self._products[row + 1 : known]
-            np.multiply(work[row, row + 1 : known, None], whole[row + 1 : known], out=product)
-            np.sum(product, axis=0, out=whole[row])
-            if solved.motors is None:
-                whole[row] += work[row, n_spring:]
-            whole[row] *= -1 / work[row, row]
+            if motors is None:
+                np.negative(factors[row, n_spring:], out=whole[row])
+            else:
+                whole[row] = 0.0
+            for known in range(row + 1, n_spring if motors is None else len(whole)):
+                np.multiply(factors[row, known], whole[known], out=product)
+                whole[row] -= product
         return whole
+
+    def _timed(self, delay_s: float) -> _Timing:
+        """What does not change while the delay stays."""
+        if self._timing is None or self._timing.delay_s != delay_s:
+            folding = by_delay = None
+            # Acceleration per torque: -w^2, times hold and delay at the lines; images have these in their weights.
+            factor = np.asarray(-(self._omega**2), complex)
+            factor[self._lines] *= hold_factor(self._line_omega, delay_s, self._period)
+            if self._period is not None:
+                folding, by_delay = make_folding(self._line_omega, delay_s, self._period, self._rate, 1)
+            self._timing = _Timing(delay_s, factor, folding, by_delay)
+        return self._timing
 
     def _last(self) -> _Solved:
         if self._solved is None:
@@ -283,19 +309,18 @@ class Collocated:
         else:
             seen = np.swapaxes(inverse[..., : model.n_motor], -1, -2)
         pairs = -(seen[..., self._rows] * seen[..., self._columns])[:, mask]
-        folding = self._last().folding
+        folding = self._last().timing.folding
         assert folding is not None
         return np.asarray(folding.fast[:, 0] * np.moveaxis(pairs[self._configuration[self._lines]], 0, -1))
 
     def _delay_slope(self) -> ComplexArray:
         solved, rate = self._last(), -1j * self._line_omega
-        if solved.folding is None or solved.by_delay is None:
+        folding, by_delay = solved.timing.folding, solved.timing.by_delay
+        if folding is None or by_delay is None:
             return np.asarray(rate * solved.sampled)
         # The line itself turns by -j w; what folds down turns by its own images' frequencies, which `by_delay` holds.
-        folded = solved.folding.fast[:, 0] * solved.fast
-        slope = solved.by_delay.fast[:, 0] * solved.fast
-        folded = folded + self._folded(solved.folding, solved.seen)
-        slope = slope + self._folded(solved.by_delay, solved.seen)
+        folded = folding.fast[:, 0] * solved.fast + self._folded(folding, solved.seen)
+        slope = by_delay.fast[:, 0] * solved.fast + self._folded(by_delay, solved.seen)
         return np.asarray(rate * (solved.sampled - folded) + slope)
 
     def _hold(self, parameters: ElasticParameters) -> None:
@@ -330,17 +355,30 @@ class Collocated:
         return np.block([[springs, seen], [np.swapaxes(seen, -1, -2), -inverse]])
 
 
-def _eliminate(matrix: ComplexArray, pivots: int, product: ComplexArray) -> None:
-    """Eliminates the first rows of symmetric matrices (n, n, n_line) in place, upper triangle only."""
-    n = len(matrix)
-    for pivot in range(pivots):
-        row = matrix[pivot]
-        # Symmetric elimination without pivoting: dampers keep pivots away from zero.
-        factor = row * (1 / row[pivot])
-        for below in range(pivot + 1, n):
-            rest = product[: n - below]
-            np.multiply(row[below:], factor[below], out=rest)
-            matrix[below, below:] -= rest
+def _eliminate(
+    constant: ComplexArray, diagonal: ComplexArray, matrix: ComplexArray, factors: ComplexArray, product: ComplexArray
+) -> None:
+    """Eliminates the first rows of symmetric matrices (n, n, n_line), upper triangle only.
+
+    Args:
+        constant: The matrices, but for a diagonal.
+        diagonal (n_pivot, n_line): What the first elements of their diagonals have more.
+        matrix: Where the eliminated triangle goes, what is left behind its first rows.
+        factors (n_pivot, n, n_line): Where the first rows over their pivots go.
+        product (n, n_line): Memory to work in.
+    """
+    n, pivots = len(matrix), len(factors)
+    # Row by row, so that all that is taken off a row finds it in the cache.
+    for row in range(n):
+        own, rest = matrix[row, row:], product[: n - row]
+        np.copyto(own, constant[row, row:])
+        for pivot in range(min(row, pivots)):
+            # Symmetric elimination without pivoting: dampers keep pivots away from zero.
+            np.multiply(matrix[pivot, row:], factors[pivot, row], out=rest)
+            own -= rest
+        if row < pivots:
+            own[0] += diagonal[row]
+            np.multiply(own, 1 / own[0], out=factors[row, row:])
 
 
 def _invert(matrix: ComplexArray) -> ComplexArray:
@@ -363,9 +401,11 @@ def _invert(matrix: ComplexArray) -> ComplexArray:
 
 def _outer(motion: ComplexArray, scale: ComplexArray, out: ComplexArray) -> None:
     """Upper triangle of the outer product of each element's motion (n_element, n_motor, n_line), scaled."""
-    n_motor, begin = motion.shape[1], 0
-    for row in range(n_motor):
-        part = slice(begin, begin + n_motor - row)
-        np.multiply(motion[:, row, None], motion[:, row:], out=out[:, part])
-        begin = part.stop
-    out *= scale
+    n_motor = motion.shape[1]
+    for own, found in zip(motion, out, strict=True):
+        begin = 0
+        for row in range(n_motor):
+            end = begin + n_motor - row
+            np.multiply(own[row], own[row:], out=found[begin:end])
+            begin = end
+        found *= scale

@@ -80,6 +80,11 @@ def shifts_between(
     return Shifts(**moved, amounts=amounts, torque=torque, late_torque=torques, late_output=outputs, drift=drift)
 
 
+def slopes_between(pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray) -> MatrixSlopes:
+    """Returns central differences between robots with less and with more of each move, that differ by a width."""
+    return MatrixSlopes(**_slopes(pairs, width))
+
+
 def _moved_spring(robot: Robot, element: int, by_m: float) -> Robot:
     """The robot with one element of its springs' flattened locations moved."""
     spring = robot.springs[element // 3]

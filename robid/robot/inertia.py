@@ -54,17 +54,24 @@ def remove(whole: Inertial, part: Inertial) -> Inertial:
 
 def about_origin(body: Inertial) -> FloatArray:
     """Returns the inertia (3, 3) about the frame's origin [kg m^2]."""
-    return np.asarray(body.inertia_kgm2 + body.mass_kg * _steiner(body.com_m))
+    return np.asarray(body.inertia_kgm2 + body.mass_kg * steiner(body.com_m))
 
 
 def _from_moments(mass: float, first_moment: FloatArray, inertia: FloatArray) -> Inertial:
     com = first_moment / mass if mass != 0 else np.zeros(3)
-    return Inertial(mass, com, np.asarray(inertia - mass * _steiner(com)))
+    return Inertial(mass, com, np.asarray(inertia - mass * steiner(com)))
 
 
-def _steiner(offset: FloatArray) -> FloatArray:
+def steiner(offset: FloatArray) -> FloatArray:
+    """Returns the inertia (3, 3) of a point of mass one at an offset (3,)."""
     # Steiner: m (c' c I - c c').
     return np.asarray(offset @ offset * np.eye(3) - np.outer(offset, offset))
+
+
+def cross_matrix(vector: FloatArray) -> FloatArray:
+    """Returns the matrix (3, 3) that takes a vector (3,) crosswise: `cross_matrix(a) @ b` is `a x b`."""
+    x, y, z = vector.tolist()
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def stretched_inertia(

@@ -26,9 +26,9 @@ from robid.robot.actuators import (
     set_passive,
     shafts_of,
 )
+from robid.robot.bodies import Body, bodies_of, splits_of, springs_at
 from robid.robot.description import HarmonicBalance, Inertial, Joint, Robot, Sensor, Spring
 from robid.robot.friction import FrictionLaw
-from robid.robot.inertia import combine, remove
 from robid.robot.spring_laws import VaryingSprings
 
 
@@ -55,6 +55,7 @@ def quiet_reading() -> Iterator[list[str]]:
 
 
 _LEAST_KG = 1e-12  # MuJoCo wants some
+_WEIGHTLESS = Body(Inertial(MASSLESS_KG, np.zeros(3), MASSLESS_KG * np.eye(3)), np.zeros(3))
 _FAR = 1e9  # [rad, or m]: where no spring ever is
 HYSTERESIS_SHARE = 0.1  # Stiffness of a transmission's bristles over its own
 
@@ -159,15 +160,16 @@ def build_model(
     spec.option.disableflags = int(flags.mjDSBL_CONTACT) | int(flags.mjDSBL_AUTORESET)
     parent, offset = _add_base(spec.worldbody, robot)
     for index, joint in enumerate(robot.joints):
-        is_last = index == len(robot.joints) - 1
         # Spong's assumption: a rotor's energy is that of its own turn alone, as if it stood in the world.
         carrier = parent if robot.rotor == "on_link" else spec.worldbody
         if not robot.rigid[index]:
             add_shafts(add_motor(carrier, joint, offset, robot.rotor), robot, index)
-        parent, offset = _add_link(parent, joint, index, offset, robot, is_last=is_last)
+        parent, offset = _add_link(parent, joint, index, offset, robot)
         _add_sites(parent, robot, index, offset)
     parent, offset = _add_payload(parent, robot, offset)
     _add_sites(parent, robot, None, offset)
+    for name, each in bodies_of(robot).items():
+        _set_inertial(spec.body(name), each)
     for spring in robot.springs:
         if spring.place == "transmission":
             linear = robot.is_linear(spring)
@@ -220,23 +222,19 @@ def _check_rigid(robot: Robot) -> None:
 def _add_base(world: mujoco.MjsBody, robot: Robot) -> tuple[mujoco.MjsBody, FloatArray]:
     """Adds what base springs carry beneath the first joint; returns it with its origin."""
     origin: FloatArray = np.zeros(3)
-    parent, springs = world, _at(robot, "base")
-    for index, spring in enumerate(springs):
+    parent, springs = world, springs_at(robot, "base")
+    for spring in springs:
         parent = _add_hinged(parent, spring, spring.point_m - origin)
         origin = spring.point_m
-        if index == len(springs) - 1 and robot.base is not None:
-            _set_inertial(parent, robot.base, origin)
     return parent, origin
 
 
 def _add_payload(parent: mujoco.MjsBody, robot: Robot, origin: FloatArray) -> tuple[mujoco.MjsBody, FloatArray]:
     """Hangs the payload on its springs, the first one nearest to the arm; returns it with its origin."""
-    springs = _at(robot, "payload")
+    springs = springs_at(robot, "payload")
     for spring in springs:
         parent = _add_hinged(parent, spring, spring.point_m - origin)
         origin = spring.point_m
-    if springs:
-        _set_inertial(parent, robot.payload, origin)
     return parent, origin
 
 
@@ -251,49 +249,32 @@ def _add_sites(body: mujoco.MjsBody, robot: Robot, joint: int | None, origin: Fl
             body.add_site(name=site_name(sensor), pos=sensor.point_m - origin)
 
 
-def _at(robot: Robot, place: str) -> list[Spring]:
-    return [spring for spring in robot.springs if spring.place == place]
-
-
 def _add_hinged(parent: mujoco.MjsBody, spring: Spring, offset: FloatArray) -> mujoco.MjsBody:
     """Adds a body of no weight on an elastic hinge."""
     body = parent.add_body(name=f"{spring.place}_{spring.name}", pos=offset)
     add_elastic_hinge(body, spring)
-    _set_inertial(body, Inertial(MASSLESS_KG, np.zeros(3), MASSLESS_KG * np.eye(3)), np.zeros(3))
+    _set_inertial(body, _WEIGHTLESS)
     return body
 
 
 def _add_link(
-    parent: mujoco.MjsBody, joint: Joint, index: int, offset: FloatArray, robot: Robot, *, is_last: bool
+    parent: mujoco.MjsBody, joint: Joint, index: int, offset: FloatArray, robot: Robot
 ) -> tuple[mujoco.MjsBody, FloatArray]:
+    """Adds a joint with its link, part by part from the joint outwards; returns the last part with its origin."""
     body = parent.add_body(name=joint.name, pos=joint.position_m - offset, quat=quaternion_of(joint.rotation))
-    springs = [spring for spring in robot.springs if spring.joint == index]
-    bearings = [spring for spring in springs if spring.place == "bearing"]
+    bearings = [spring for spring in robot.springs if spring.joint == index and spring.place == "bearing"]
     # Bearings stay where a joint turns, and ride on what slides.
     for spring in bearings if joint.type == "revolute" else ():
         add_elastic_hinge(body, spring)
     _add_arm(body, joint, rigid=bool(robot.rigid[index]))
     for spring in bearings if joint.type == "prismatic" else ():
         add_elastic_hinge(body, spring)
-    # A split link keeps what lies before the split; each part beyond hangs on its spring, from the joint outwards.
-    whole = joint.link
     origin: FloatArray = np.zeros(3)
-    for spring, outboard in _splits(springs):
-        _set_inertial(body, remove(whole, outboard), origin)
+    for spring, _ in splits_of(robot, index):
         body = body.add_body(name=f"{joint.name}_{spring.name}", pos=spring.point_m - origin)
         add_elastic_hinge(body, spring)
-        whole, origin = outboard, spring.point_m
-    hangs = bool(_at(robot, "payload"))
-    if is_last and robot.payload.mass_kg > 0 and not hangs:
-        whole = combine(whole, robot.payload)
-    _set_inertial(body, whole, origin)
+        origin = spring.point_m
     return body, origin
-
-
-def _splits(springs: list[Spring]) -> list[tuple[Spring, Inertial]]:
-    """Springs that split a link with what lies beyond each, the most first; where as much does, in their order."""
-    parts = [(spring, spring.outboard) for spring in springs if spring.place == "split" and spring.outboard is not None]
-    return sorted(parts, key=lambda part: -part[1].mass_kg)
 
 
 def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
@@ -307,11 +288,11 @@ def _add_arm(body: mujoco.MjsBody, joint: Joint, *, rigid: bool) -> None:
     arm.damping = np.array([moving + joint.arm_viscous, 0.0, 0.0])
 
 
-def _set_inertial(body: mujoco.MjsBody, inertial: Inertial, origin: FloatArray) -> None:
-    tensor = inertial.inertia_kgm2
+def _set_inertial(body: mujoco.MjsBody, own: Body) -> None:
+    tensor = own.inertial.inertia_kgm2
     body.explicitinertial = True
-    body.mass = max(inertial.mass_kg, _LEAST_KG)
-    body.ipos = inertial.com_m - origin
+    body.mass = max(own.inertial.mass_kg, _LEAST_KG)
+    body.ipos = own.inertial.com_m - own.origin
     body.fullinertia = [tensor[0, 0], tensor[1, 1], tensor[2, 2], tensor[0, 1], tensor[0, 2], tensor[1, 2]]
 
 

@@ -74,6 +74,25 @@ def test_points_without_a_cost_are_stepped_around():
     np.testing.assert_allclose(found.parameters, 1.0, rtol=1e-6)
 
 
+def test_what_follows_a_refused_step_is_a_quarter_as_long_at_most():
+    wall, tried = 50.3, []
+    cost, normal = least_squares(lambda x: x - 100.0, lambda _: np.eye(1))
+
+    def walled(point):
+        tried.append(float(point[0]))
+        return cost(point) if point[0] < wall else np.inf
+
+    # Forty-nine steps that were accepted leave next to no damping when the wall comes.
+    minimise(walled, normal, np.array([0.9]), max_iterations=60)
+    refused = next(index for index, point in enumerate(tried) if point >= wall)
+    place, step, following = (
+        tried[refused - 1],
+        *(tried[index] - tried[refused - 1] for index in (refused, refused + 1)),
+    )
+    assert (place, step) == (pytest.approx(49.9), pytest.approx(1.0))
+    assert 0 < following <= 0.25
+
+
 def test_cost_never_rises():
     accepted = []
     cost, normal = rosenbrock()

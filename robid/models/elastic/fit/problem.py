@@ -95,9 +95,11 @@ class SymmetricNormal:
         # Both residuals of a pair have the same derivative d: the Hessian is the sum of (w1 + w2) d d', and the
         # gradient needs their weighted mean alone.
         scale = self._root / self._residuals.divisor(self._modelled)
-        rows = self._collocated.derivatives(parameters.kinds, parameters.masks, scale)
         weighted = (self._weight * self._residual).sum(axis=0) * self._inverse_root
-        hessian, gradient = _gram(rows, self._real), _project(rows, weighted, self._real)
+        rows = self._collocated.derivatives(parameters.kinds, parameters.masks, scale, weighted)
+        # One product gives both: the products of the rows with each other, and with the residual after them.
+        products = _gram(rows, self._real)
+        rows, hessian, gradient = rows[:-1], products[:-1, :-1], products[:-1, -1]
         if self._friction is not None:
             scales = internal[-parameters.n_friction :]
             hessian, gradient = self._with_friction(self._slopes(self._friction, scales), rows, hessian, gradient)

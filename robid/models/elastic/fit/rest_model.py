@@ -35,8 +35,8 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import make_weights
 from robid.robot.derivatives import expand, jacobian, shifts_between, with_springs_at
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel, linearize, solve_statics
-from robid.robot.model import build_model
+from robid.robot.linearize import Equilibrium, LinearModel, linearize, solve_statics
+from robid.robot.model import ElasticModel, build_model
 from robid.robot.parameters import element_names
 from robid.robot.response import ElasticParameters, motion_matrices, nominal_parameters, response
 from robid.robot.rest import SpringValues, settle_springs, swing_of
@@ -175,14 +175,11 @@ def _rested(
 ) -> LinearModel:
     """The same of a robot as it is, all nuisances aside; its counterbalances are taken where its file has none."""
     springs = _nominal_springs(robot) if values is None else values.springs
-    points = springs.location.reshape(-1, 3)
-    placed = with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
-    elastic = build_model(placed, balanced=balanced)
     names = frf.output_names
-    equilibrium = solve_statics(elastic, frf.configurations, springs.stiffness, springs.cubic)
+    elastic, equilibrium = settle(robot, frf.configurations, springs, balanced=balanced)
     model = replace(linearize(elastic, equilibrium, names), rates=frf.output_rates)
     if springs.cubic.any() or "cubic" in options.kinds:
-        nominal = nominal_parameters(placed, model, delay_s) if values is None else values
+        nominal = nominal_parameters(elastic.robot, model, delay_s) if values is None else values
         load = spring_load(robot, frf, nominal)
         # A cubic spring is as stiff as its deflection at rest and the mean square of its swing make it, and both follow
         # its stiffness: statics and linearisation are found again with each other.
@@ -197,6 +194,30 @@ def _rested(
     if options.statics == "updates" and located.size == 0:
         return model
     return expand(elastic, equilibrium, model, names, located)
+
+
+def settle(
+    robot: Robot, configurations: FloatArray, springs: SpringValues, *, balanced: bool = False
+) -> tuple[ElasticModel, Equilibrium]:
+    """Builds a robot with some values of its springs and finds where it rests.
+
+    Args:
+        robot: The robot.
+        configurations (n_conf, n_joint): Arm-side positions that the encoders show [rad, or m].
+        springs: The values.
+        balanced: As in `build_model`.
+
+    Raises:
+        DataError: If a configuration has no equilibrium.
+    """
+    elastic = build_model(placed_robot(robot, springs), balanced=balanced)
+    return elastic, solve_statics(elastic, configurations, springs.stiffness, springs.cubic)
+
+
+def placed_robot(robot: Robot, springs: SpringValues) -> Robot:
+    """Returns the robot with its springs where the values have them."""
+    points = springs.location.reshape(-1, 3)
+    return with_springs_at(robot, {s.name: point for s, point in zip(robot.springs, points, strict=True)})
 
 
 @dataclass(frozen=True)

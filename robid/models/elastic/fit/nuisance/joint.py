@@ -15,8 +15,9 @@ from robid.models.elastic.fit.nuisance.effects import Compliance, RobotMove
 from robid.models.elastic.fit.nuisance.linear import Basis, LinearNuisances, NuisanceSet, linearise
 from robid.models.elastic.fit.nuisance.missing_springs import expected_cost
 from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
-from robid.models.elastic.fit.nuisance.response import find_shifts, nuisance_columns
+from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene, moves_matrices_alone
+from robid.models.elastic.fit.nuisance.shifts import find_shifts
 from robid.results.levenberg import Normal, minimise
 from robid.robot.linearize import Shifts
 

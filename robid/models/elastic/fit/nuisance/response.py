@@ -16,11 +16,11 @@ from robid.models.elastic.fit.nuisance.effects import (
 )
 from robid.models.elastic.fit.nuisance.moves import PERCENT
 from robid.models.elastic.fit.nuisance.scene import Scene, moves_matrices_alone
+from robid.models.elastic.fit.nuisance.shifts import find_shifts
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import Problem
-from robid.robot.derivatives import shifts_between
 from robid.robot.description import Robot
-from robid.robot.linearize import LinearModel, Shifts
+from robid.robot.linearize import Shifts
 
 
 def nuisance_columns(
@@ -84,37 +84,6 @@ def _more_of_it(nuisances: Sequence[Nuisance], amounts: FloatArray) -> FloatArra
     """How much more a per cent of a body (n_nuisance,) is that is off, than of the one that the file states."""
     shares = np.array([isinstance(each.effect, RobotMove) and each.unit == "%" for each in nuisances])
     return np.where(shares, 1 + amounts / PERCENT, 1.0)
-
-
-def find_shifts(scene: Scene, nuisances: Sequence[Nuisance], *, must_rest: bool = True) -> Shifts:
-    """Finds how the matrices of a robot move with those nuisance parameters that are moves of it.
-
-    Args:
-        scene: The robot.
-        nuisances: The nuisance parameters, others among them.
-        must_rest: Whether robots near it must rest; otherwise nothing moves with those by which they do not.
-
-    Raises:
-        DataError: If a robot near it must rest and does not.
-    """
-    effects = [each.effect for each in nuisances if isinstance(each.effect, RobotMove)]
-    pairs = [_sides(scene, effect, must_rest=must_rest) for effect in effects]
-    width = 2 * np.array([effect.step for effect in effects])
-    nothing = np.zeros((len(pairs), len(scene.robot.joints)))
-    return shifts_between(pairs, width, nothing[:, 0], nothing)
-
-
-def _sides(scene: Scene, effect: RobotMove, *, must_rest: bool) -> tuple[LinearModel, LinearModel]:
-    """The robot with a little less and a little more of it; as it is where one of them does not rest."""
-    try:
-        behind, ahead = (
-            scene.rested(effect.moved(scene.robot, step), scene.values)[0] for step in (-effect.step, effect.step)
-        )
-    except DataError:
-        if must_rest:
-            raise
-        return scene.problem.model, scene.problem.model
-    return behind, ahead
 
 
 def _column(effect: Effect, scene: Scene, *, must_rest: bool) -> ComplexArray:
