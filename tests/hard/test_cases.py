@@ -4,13 +4,10 @@
 A case runs again as `damage.run_cases(case, folder, range(seed, seed + 1))`.
 """
 
-import json
 import os
 import shutil
 import subprocess
 import sys
-from collections import Counter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -19,13 +16,13 @@ pytest.importorskip("pyarrow")
 
 import damage
 from damaged_folders import STAGES, made_once
+from hard_summary import note
 from mutations import mutated
 
 SCALE = float(os.environ.get("ROBID_HARD_SCALE", "1"))
 CASES = {"settings": 8000, "command": 2000, "artifact": 1880, "chain": 60, "fleet": 60, "log": 2000}
 COMMANDS = 500
 CHUNK = 500
-_RUNS = Path(__file__).parents[2] / "runs/hard"
 
 pytestmark = pytest.mark.hard
 
@@ -38,17 +35,6 @@ def chunks(count):
 @pytest.fixture(scope="module")
 def made(tmp_path_factory):
     return made_once(tmp_path_factory.mktemp)
-
-
-def note(part, first, outcomes):
-    """Keeps how many ended how, and what nobody expected, for the summary."""
-    wrong = {seed: what for seed, what in outcomes.items() if what.startswith("WRONG")}
-    counted = Counter(":".join(what.split(":")[:2]) if part in ("settings", "command", "process") else
-                      what.partition(":")[0] for what in outcomes.values() if not what.startswith("WRONG"))  # fmt: skip
-    _RUNS.mkdir(parents=True, exist_ok=True)
-    content = {"part": part, "first": first, "cases": len(outcomes), "counted": counted, "unexpected": wrong}
-    (_RUNS / f"{part}_{first}.json").write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    assert not wrong, "\n".join(f"{part} {seed}: {what}" for seed, what in wrong.items())
 
 
 @pytest.mark.parametrize(("case", "first", "last"), [(case, *one) for case in CASES for one in chunks(CASES[case])])
