@@ -13,7 +13,7 @@ from hard_summary import note
 
 SCALE = float(os.environ.get("ROBID_HARD_SCALE", "1"))
 CASES = {"elastic": 120, "response": 1600, "rigid": 120, "external": 100, "lpv": 100, "design": 1200}
-CHUNK = {"elastic": 8, "response": 400, "rigid": 15, "external": 12, "lpv": 20, "design": 400}
+CHUNK = {"elastic": 8, "response": 400, "rigid": 15, "external": 8, "lpv": 12, "design": 400}
 """As many as take some ten seconds."""
 
 pytestmark = pytest.mark.hard

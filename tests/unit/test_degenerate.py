@@ -227,6 +227,8 @@ def test_an_output_without_any_response_is_refused_by_name():
         robid.fit_model("lpv", silent, **options)
     assert error.value.codes == ("D602",)
     refused("D602", lambda: robid.fit_model("lpv", frf, validate_on=silent.select([3]), **options))
+    still = replace(frf, response=frf.response * (np.arange(7) != 3)[:, None, None, None])
+    refused("D602", lambda: robid.fit_model("lpv", still, **options))
 
 
 def test_a_basis_without_inverse_is_no_step_of_the_search():

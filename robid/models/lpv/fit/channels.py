@@ -51,13 +51,17 @@ def local_responses(frf: Frf, points: FloatArray, outputs: IntArray, inputs: Int
 
 
 def _refuse_silent(frf: Frf, outputs: IntArray, size: FloatArray, known: BoolArray) -> None:
-    """Refuses outputs whose response is zero wherever it is known: nothing is relative to it, and nothing describes it.
+    """Refuses outputs and positions whose response is zero wherever it is known: nothing is relative to it.
 
     Sizes (n_pos, n_freq, n_out, n_in) are of the elements chosen, of which those `known` were measured.
     """
     told, moves = (each.any(axis=(0, 1, 3)) for each in (known, known & (size > 0)))
     silent = [frf.output_names[index] for index in outputs[told & ~moves].tolist()]
-    if silent:
-        message = f"D602 {', '.join(silent)} never move{'s' if len(silent) == 1 else ''}: the response is zero"
-        remedy = "check the channel's mapping, or name the other ones under `outputs`"
+    told, moves = (each.any(axis=(1, 2, 3)) for each in (known, known & (size > 0)))
+    still = np.flatnonzero(told & ~moves).tolist()
+    if silent or still:
+        who = f"{', '.join(silent)} never move{'s' if len(silent) == 1 else ''}" if silent else ""
+        who = who or f"nothing moves at position {still[0]}, counted from 0"
+        message = f"D602 {who}: the response is zero"
+        remedy = "check the channel's mapping, or leave the output or position out"
         raise DataError(message, where="fit", remedy=remedy)
