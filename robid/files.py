@@ -9,6 +9,7 @@ from io import BufferedReader
 from pathlib import Path
 
 _OTHERS = ((stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"), (stat.S_ISCHR, "a device"), (stat.S_ISBLK, "a disk"))
+_AT_ONCE = 1 << 16
 MOST_BYTES = 1 << 30
 """More than any page, model or table has that is read at once."""
 
@@ -54,11 +55,14 @@ def read_regular(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
         OSError: As `check_regular` does.
     """
     with open_regular(path) as file:
-        content = file.read(most_bytes + 1)
+        # As much as the file says first, and more as it comes: asked for at once, all that it may have is set aside.
+        content = bytearray(file.read(min(os.fstat(file.fileno()).st_size, most_bytes)))
+        while len(content) <= most_bytes and (more := file.read(_AT_ONCE)):
+            content += more
     if len(content) > most_bytes:
         told = f"it has more than {most_bytes / 2**20:g} MiB"
         raise TooLargeError(errno.EFBIG, told, str(path))
-    return content
+    return bytes(content)
 
 
 def read_regular_text(path: Path) -> str:

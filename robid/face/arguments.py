@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from robid.arrays import FloatArray, check_shape, quantities
+from robid.arrays import LARGEST, FloatArray, check_shape, quantities
 from robid.errors import SettingsError
 
 if TYPE_CHECKING:
@@ -68,6 +68,38 @@ def shaped(values: object, name: str, axes: str, called: str, **sizes: int) -> F
             remedy = f"give one alone as an array of shape {(1, *array.shape)}, as `np.atleast_2d` makes"
         raise wrong_shape(f"{error}".rstrip("."), called, remedy) from error
     return array
+
+
+def placed(configurations: FloatArray, name: str, called: str) -> FloatArray:
+    """Returns configurations (n_conf, n_joint) that a robot can be in.
+
+    Raises:
+        SettingsError: If there is none, or a position is not finite.
+    """
+    if not len(configurations):
+        what, remedy = f"S599 `{name}` has no configuration", "give at least one row of joint positions"
+        raise SettingsError(what, where=called, remedy=remedy)
+    if not (np.abs(configurations) < LARGEST).all():
+        row = int(np.argwhere(~(np.abs(configurations) < LARGEST))[0, 0])
+        what = f"S600 `{name}` has positions that are not finite, the first in row {row}"
+        raise SettingsError(what, where=called, remedy="give joint positions in rad, or m")
+    return configurations
+
+
+def sampled(frequency_hz: object, called: str, sampling_period_s: float | None) -> FloatArray:
+    """Returns frequencies (n_freq,) that signals of a sampling period have; None for continuous time [Hz].
+
+    Raises:
+        SettingsError: If there is none, or one is not above zero and below half the sampling rate.
+    """
+    lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
+    highest = LARGEST if sampling_period_s is None else 0.5 / sampling_period_s
+    wrong = lines[~((lines > 0) & (lines < highest))]
+    if wrong.size or not lines.size:
+        shown = f"has {wrong[0]:g} Hz" if wrong.size else "is empty"
+        what = f"S602 `frequency_hz` {shown}, but must hold frequencies above 0 and below {highest:g} Hz"
+        raise SettingsError(what, where=called, remedy="give frequencies in Hz, below half the sampling rate")
+    return lines
 
 
 def numbers(values: object, name: str, called: str, axes: str) -> FloatArray:

@@ -9,13 +9,16 @@ from robid.arrays import FloatArray
 from robid.design.configurations.candidates import candidate_information
 from robid.design.configurations.information import design_configurations
 from robid.design.configurations.options import BetweenRelativeStd, DesignOptions
-from robid.errors import DataError
-from robid.face.arguments import required, shaped
+from robid.errors import DataError, SettingsError
+from robid.face.arguments import placed, required, sampled, shaped
 from robid.face.robots import RobotModel
 from robid.results.options import options_from
 
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
+
+_LEAST_ERROR = 1e-6
+"""Least relative error of a response element that a design assumes, and the inverse of the largest."""
 
 
 def choose_configurations(
@@ -44,7 +47,8 @@ def choose_configurations(
 
     Raises:
         DataError: If the robot has no controller, whose sampling period the response needs.
-        SettingsError: If an argument has another type or shape, or the candidates cannot determine the parameters.
+        SettingsError: If an argument has another type or shape, a frequency no sampled signal has, or the candidates
+            cannot determine the parameters.
 
     Source:
         Zimmermann et al. (2023), sec. III; docs/methods, sec. 6.
@@ -52,10 +56,13 @@ def choose_configurations(
     called = "choose_configurations"
     robot = required(robot, RobotModel, "robot", called, "robid.load_robot(path)")
     places = shaped(candidates, "candidates", "n_conf n_joint", called, n_joint=len(robot.joints))
-    lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
+    places, lines = placed(places, "candidates", called), sampled(frequency_hz, called, robot.sampling_period_s)
     if robot.sampling_period_s is None:
         remedy = "add a `controller` section to the robot file"
         raise DataError("D299 the robot has no sampling period", where=robot.name, remedy=remedy)
+    if not _LEAST_ERROR <= relative_error <= 1 / _LEAST_ERROR:
+        what = f"S601 `relative_error` is {relative_error:g}, but must be from {_LEAST_ERROR:g} to {1 / _LEAST_ERROR:g}"
+        raise SettingsError(what, where=called, remedy="give 0.03 for an error of 3 %")
     chosen = options_from(DesignOptions, {"count": count, **options}, called)
     matrices, names = candidate_information(
         robot.description,

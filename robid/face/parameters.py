@@ -26,7 +26,7 @@ class Parameter:
     name: str  # As `axis_2.stiffness`
     kind: str  # As `stiffness`
     unit: str  # As `N m/rad`
-    nominal: float  # Value of the robot file
+    nominal: float  # Value of the robot file; NaN of what none states, as poles
     value: float  # Estimated value, the one that predicts best
     lower: float  # Lower end of the parameter's interval
     upper: float  # Upper end of it

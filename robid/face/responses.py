@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import LARGEST, FloatArray, IntArray
 from robid.errors import DataError
 from robid.face.arguments import check_axes, numbers, required, shaped, wrong_shape
 from robid.face.remedies import in_words_of_python
@@ -129,9 +129,10 @@ def _row(record: Record, index: int) -> Record:
 
 def _six(values: FloatArray, name: str) -> FloatArray:
     array = numbers(values, name, "make_record", _AXES)
-    if not np.isfinite(array).all():
-        at = tuple(int(index) for index in np.argwhere(~np.isfinite(array))[0])
-        what = f"D501 `{name}` has values that are not finite, the first at index {at}"
+    wrong = ~(np.abs(array) < LARGEST)
+    if wrong.any():
+        at = tuple(int(index) for index in np.argwhere(wrong)[0])
+        what = f"D501 `{name}` has values that are not finite or beyond {LARGEST:g}, the first at index {at}"
         raise DataError(what, where="make_record", remedy="leave out the periods or realizations that have them")
     if not 2 <= array.ndim <= 6:
         what = f"D296 `{name}` has {array.ndim} axes: from (sample, channel) to ({_AXES}) are meant"

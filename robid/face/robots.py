@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.face.arguments import kind_of, shaped, wrong_type
+from robid.face.arguments import kind_of, placed, sampled, shaped, wrong_type
 from robid.face.parameters import Parameters
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.robot.linearize import linearize, solve_statics
@@ -71,7 +71,7 @@ class RobotModel:
             Responses (n_conf, n_freq, n_motor, n_motor), rad/s^2 per N m.
 
         Raises:
-            SettingsError: If an argument has another shape.
+            SettingsError: If an argument has another shape, or a frequency is none that a sampled signal has.
             DataError: If springs give way under gravity.
 
         Source:
@@ -79,7 +79,8 @@ class RobotModel:
         """
         called = "RobotModel.response"
         places = shaped(configurations, "configurations", "n_conf n_joint", called, n_joint=len(self.joints))
-        lines = shaped(frequency_hz, "frequency_hz", "n_freq", called)
+        places = placed(places, "configurations", called)
+        lines = sampled(frequency_hz, called, None if continuous else self.sampling_period_s)
         model = build_model(self.description)
         linear = replace(linearize(model, solve_statics(model, places)), rates=self.rates)
         parameters = nominal_parameters(model.robot, linear, 0.0 if continuous else self.delay_s)

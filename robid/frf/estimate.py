@@ -33,7 +33,7 @@ from robid.frf.frf import Frf
 from robid.frf.friction import coefficients
 from robid.frf.local import local_fit
 from robid.frf.options import EstimateOptions
-from robid.frf.period_noise import FEW_PERIODS, exceeds, period_noise
+from robid.frf.period_noise import FEW_PERIODS, FEWEST_SAMPLES, exceeds, period_noise
 from robid.frf.reading import Spectra, Windows, read_spectra, silent_of
 from robid.frf.spectra import Blocks
 from robid.frf.steadiness import Steadiness, measure_steadiness, steadiness_findings, steadiness_notes
@@ -233,6 +233,8 @@ def _noise(
     moved = blocks.output_scatter - response @ blocks.input_scatter
     scatter, freedom = noise_covariance(moved, blocks.scatter_freedom, options.pooled_lines)
     if steady is None or scatter is None or not steady.is_noise or record.inputs.shape[3] > FEW_PERIODS:
+        return scatter, freedom, 1.0
+    if record.inputs.shape[4] < FEWEST_SAMPLES:
         return scatter, freedom, 1.0
     accelerations = to_accelerations(record, options)
     found = period_noise(record, blocks.lines, response, options.pooled_lines, accelerations=accelerations)

@@ -85,6 +85,7 @@ class Frf:
     input_hold: Literal["zoh", "band_limited"] = "zoh"  # `zoh` or `band_limited`, see `robid.signals.record.Record`
     # What the record and the estimate want the reader to know
     notes: Annotated[tuple[str, ...], Quantity("1", "note")] = field(default=())
+    # NaN where neither realizations nor periods tell it
     coherence: Annotated[
         _Float, Quantity("1", "configuration frequency output", "Share of power that the response explains")
     ] = None

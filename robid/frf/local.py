@@ -146,6 +146,19 @@ def local_fit(blocks: Blocks, windows: Windows, options: EstimateOptions) -> Loc
     return found if silence is None else replace(found, hidden=_hidden(_products(powers, inputs), silence, n_in))
 
 
+def _refuse_undriven(followed: ComplexArray) -> None:
+    """Refuses references that some input (n_freq, n_in, n_in) does not follow at any of some lines.
+
+    Raises:
+        DataError: With how many lines there are.
+    """
+    rank = np.linalg.matrix_rank(followed)
+    lost = int((rank < followed.shape[-1]).sum())
+    if lost:
+        message = f"D604 at {lost} of {len(followed)} lines an input does not follow the reference"
+        raise DataError(message, where="record", remedy="check the inputs' channels, or estimate without the reference")
+
+
 def _hidden(columns: ComplexArray, silence: FloatArray, n_in: int) -> BoolArray:
     """Whether each input's response (n_freq, n_in) is known much worse with the transients than alone.
 
@@ -174,6 +187,7 @@ def _estimate(
     turn = np.eye(n_in)[None].astype(complex)
     response = np.swapaxes(centre, 1, 2)
     if indirect:
+        _refuse_undriven(centre[..., :n_in])
         # Both sides are fitted to the reference: G = (Y/R) (U/R)^-1.
         turn = np.linalg.inv(centre[..., :n_in])
         response = np.swapaxes(turn @ centre[..., n_in:], 1, 2)

@@ -14,6 +14,7 @@ from robid.frf.spectra import output_factor, period_contrasts, ramp_of_period
 from robid.signals.record import Record
 
 FEW_PERIODS = 4  # Periods up to which their scatter at a line tells the noise of the mean badly
+FEWEST_SAMPLES = 16  # Of a period whose lines are enough for a spectrum
 _LOWEST = 3  # Lines from 0 whose share in others is integrated: there the removal of drift acts
 _SLOPE = 1.5  # Noise of line 0, which drift hides, over that of line 1: slow noise falls with frequency
 # Share of records whose periods scatter by more than chance, by chance: a smaller excess stays within the band.

@@ -69,8 +69,8 @@ def measure_steadiness(
     if n_period < 2 or blocks.scatter_freedom != n_period - 1:
         return None
     moved_in, moved_out = (_plain(scatter, blocks, record) for scatter in (blocks.input_scatter, blocks.output_scatter))
-    power = np.maximum((np.abs(blocks.outputs) ** 2).sum(axis=(0, 1, 3), keepdims=True), np.finfo(float).tiny)
-    unit = np.sqrt(power)
+    power = (np.abs(blocks.outputs) ** 2).sum(axis=(0, 1, 3), keepdims=True)
+    unit = np.where(power > 0, np.sqrt(power), 1.0)  # an output that never moves has no size
     # A change of inputs that outputs follow is no fault: V = dY - G dU is looked at, over the outputs' size.
     residual = (moved_out - response @ moved_in) / unit[:, None]
     factor = output_factor(record, blocks.lines, accelerations=accelerations)

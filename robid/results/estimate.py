@@ -47,6 +47,7 @@ class Estimate:
     names: Annotated[tuple[str, ...], Quantity("1", "parameter")]
     kinds: Annotated[tuple[str, ...], Quantity("1", "parameter")]
     units: Annotated[tuple[str, ...], Quantity("1", "parameter", "Unit of each parameter")]
+    # NaN of what no robot file states, as poles
     nominal: Annotated[FloatArray, Quantity("as in units", "parameter", "Value of the robot file")]
     value: Annotated[FloatArray, Quantity("as in units", "parameter", "Estimated value")]
     # Lower end of the interval of the parameter itself; it need not lie around the value

@@ -154,7 +154,7 @@ def _more_damping(
 
 def _cosine(here: Normal, free: BoolArray) -> float:
     """Largest cosine between the residual and its derivative by a free parameter; 0 where nothing is left."""
-    size = np.sqrt(np.diag(here.hessian) * here.cost)[free]
+    size = (np.sqrt(np.diag(here.hessian)) * np.sqrt(here.cost))[free]
     return float(np.divide(np.abs(here.gradient[free]), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
 
 

@@ -10,6 +10,8 @@ from robid.arrays import FloatArray, IntArray
 
 _DECAYED = 1e-4  # of its peak, an impulse response that counts as over
 _ANGLES = 8192
+_LONGEST = 100_000_000  # samples
+_MOST = 100_000  # samples per kept sample: a filter of a million taps
 _BLOCK = 16  # kept samples of one matrix product: few, so that a block of samples stays in the cache
 
 
@@ -38,10 +40,18 @@ def low_pass(signal: FloatArray, sampling_period_s: float, cut_hz: float, order:
 
 
 def low_pass_reach(sampling_period_s: float, cut_hz: float, order: int = 4) -> int:
-    """Returns how many samples the ends of a record reach into what `low_pass` returns."""
+    """Returns how many samples the ends of a record reach into what `low_pass` returns.
+
+    Raises:
+        ValueError: If that is more than any record has.
+    """
     from scipy.signal import sosfilt
 
     length = 64 + int(8 * order / (sampling_period_s * cut_hz))
+    if length > _LONGEST:
+        raise ValueError(
+            f"A low pass at {cut_hz:g} Hz reaches over more samples of {sampling_period_s:g} s than any record has."
+        )
     impulse = np.zeros(length)
     impulse[0] = 1.0
     response = np.abs(sosfilt(_butterworth(sampling_period_s, cut_hz, order), impulse))
@@ -137,11 +147,16 @@ def design_decimator(factor: int, transition: float = 0.4, attenuation_db: float
         transition: Width of the band about the cut-off in which it falls, relative to the cut-off.
         attenuation_db: Attenuation of what would be folded from beyond that band [dB].
 
+    Raises:
+        ValueError: If there are so many samples per kept sample that the filter is longer than any record.
+
     Source:
         Kaiser window: Oppenheim and Schafer, Discrete-Time Signal Processing.
     """
     if factor == 1:
         return Decimator(1, np.ones(1))
+    if factor > _MOST:
+        raise ValueError(f"A cut-off so low keeps one of {factor} samples, more than the {_MOST} that any record has.")
     from scipy.signal import firwin, kaiserord
 
     taps, shape = kaiserord(attenuation_db, transition / factor)

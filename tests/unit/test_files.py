@@ -1,6 +1,7 @@
 import os
 import socket
 import threading
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -50,3 +51,13 @@ def test_a_file_that_goes_on_without_end_is_read_up_to_the_limit():
     # It says to have no bytes, as every file of this folder does.
     with pytest.raises(TooLargeError):
         read_regular(Path("/proc/self/maps"), 100)
+
+
+def test_a_small_file_takes_little_memory(tmp_path):
+    path = tmp_path / "small"
+    path.write_bytes(b"1" * 1000)
+    tracemalloc.start()
+    assert read_regular(path) == b"1" * 1000
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 1 << 20

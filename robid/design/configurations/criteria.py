@@ -142,6 +142,7 @@ def _shift(values: FloatArray, smoothing: float) -> float:
 
 
 _UNSEEN = 1e-12  # Smallest eigenvalue of the scaled total information, relative to the largest, that counts as seen
+_SPREAD = 1e-14  # Of the largest, an eigenvalue that rounding hides
 _ALIKE = 1e-9  # Largest difference of matrices, relative to them, at which candidates count as alike
 
 
@@ -186,6 +187,9 @@ def checked_scale(total: FloatArray, names: tuple[str, ...], by: str, remedy: st
     Raises:
         DataError: If the total is singular, with the combinations that it does not see.
     """
+    if not names:
+        what = "D599 there is no parameter to choose configurations for: all are fixed"
+        raise DataError(what, where="design", remedy="leave some springs or dampers out of `fixed`")
     diagonal = np.diag(total)
     unseen = [name for name, value in zip(names, diagonal, strict=True) if not value > 0]
     if not unseen:
@@ -199,6 +203,19 @@ def checked_scale(total: FloatArray, names: tuple[str, ...], by: str, remedy: st
         if not unseen:
             return np.asarray(scale)
     raise DataError(f"D005 The responses of {by} do not depend on: {'; '.join(unseen)}.", where="design", remedy=remedy)
+
+
+def check_spread(total: FloatArray, criterion: Criterion) -> None:
+    """Refuses a total information (n_param, n_param) that a criterion which is not free of scale cannot add up.
+
+    Raises:
+        DataError: If the least and the largest information are too many decades apart.
+    """
+    values = np.linalg.eigvalsh(total)
+    if values[0] <= _SPREAD * values[-1]:
+        message = f"D603 information about parameters spreads over too many decades for the criterion `{criterion}`"
+        remedy = "use `criterion: d`, or fix parameters that responses hardly depend on"
+        raise DataError(message, where="design", remedy=remedy)
 
 
 def is_regular(total: FloatArray) -> bool:

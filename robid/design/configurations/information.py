@@ -10,7 +10,14 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, check_shape
-from robid.design.configurations.criteria import check_different, check_finite, checked_scale, is_regular, worth
+from robid.design.configurations.criteria import (
+    check_different,
+    check_finite,
+    check_spread,
+    checked_scale,
+    is_regular,
+    worth,
+)
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.relaxed import Relaxed
@@ -166,6 +173,8 @@ def design_configurations(
     if options.criterion != "d":
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
+        for draw in draws:
+            check_spread(known + draw.mean(axis=0), options.criterion)
     plan = _plan(visits, known, scale, fitted, options, price, experiments, budget)
     if fitted is not None:
         every = np.ones(n_conf, int)

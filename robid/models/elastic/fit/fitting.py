@@ -25,6 +25,7 @@ from robid.models.elastic.fit.rest_model import rest_model
 from robid.models.elastic.fit.result import distinct_minima, make_solution
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.fit.uncertainty import Map, cubic_covariance, influence, structured_covariance
+from robid.models.elastic.fit.weights import singular_covariance
 from robid.results.levenberg import Minimum
 from robid.robot.description import Robot
 from robid.robot.parameters import FRICTION_KIND, NUISANCE_KIND
@@ -88,10 +89,16 @@ def check_influence(problem: Problem) -> None:
 def _not_finite(frf: Frf) -> list[tuple[str, str]]:
     found = []
     told = True if frf.dropped is None else ~frf.dropped[:, :, None]
-    for what, values in (("response", frf.response), ("covariance", frf.element_variance())):
-        bad = np.asarray((told & ~np.isfinite(values)).any(axis=(0, 2, 3)))
+    variance = frf.element_variance()
+    wrongs = (
+        ("response is not finite", ~np.isfinite(frf.response)),
+        ("covariance is not finite", ~np.isfinite(variance)),
+        ("covariance is negative", variance < 0),
+    )
+    for what, wrong in wrongs:
+        bad = np.asarray((told & wrong).any(axis=(0, 2, 3)))
         if bad.any():
-            found.append((f"D241 the {what} is not finite at {_shown(frf, bad)} Hz", "estimate it again"))
+            found.append((f"D241 the {what} at {_shown(frf, bad)} Hz", "estimate it again"))
     return found
 
 
@@ -108,8 +115,8 @@ def _covariance(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
     nothing = np.asarray(~(variance > 0).all(axis=(0, 2, 3)))
     if not nothing.any():
         return []
-    message = f"D243 the covariance is singular at {_shown(frf, nothing)} Hz, and optimal weights invert it"
-    return [(message, "use the weights `inflated` or `user`, or look for a channel without noise")]
+    error = singular_covariance(frf.frequency_hz[nothing], "")
+    return [(error.what, error.remedy)]
 
 
 def _realizations(frf: Frf, options: ElasticOptions) -> list[tuple[str, str]]:
@@ -266,11 +273,14 @@ class _Reached:
 def _update(now: _Reached, rested: FloatArray) -> _Reached:
     """Goes on with statics and weights of the minimum until they no longer matter.
 
-    Where its springs give way under gravity, the fit ends on the way back to where the robot last rested.
+    Where its springs give way under gravity, the fit ends on the way back to where the robot last rested. Where
+    logarithms at the minimum leave no weight, so far is the model below the noise, it ends with those before.
     """
     updates = max(now.options.statics_updates, now.options.weights.kind == "estimated")
     for update in range(updates + 1):
         ahead = _where_it_rests(now, rested)
+        if not ahead.problem.weight.any():
+            return now
         if update == updates or not ahead.rests:
             return ahead if not ahead.rests else now
         # Cost before and after are those of one problem: the one whose statics and weights are the last minimum's.

@@ -161,7 +161,10 @@ def _flat(rows: ComplexArray | FloatArray, real: bool) -> FloatArray:
 
 
 def _gram(rows: ComplexArray, real: bool) -> FloatArray:
-    upper = dsyrk(1.0, _flat(rows, real).T, trans=1)
+    flat = _flat(rows, real)
+    if not flat.size:  # no line has a weight
+        return np.zeros((len(flat), len(flat)))
+    upper = dsyrk(1.0, flat.T, trans=1)
     return np.asarray(upper + np.triu(upper, 1).T)
 
 

@@ -11,6 +11,7 @@ from robid.frf.residual import Residual
 from robid.models.elastic.fit.options import Weights
 
 _MIN_SNR = 10.0
+_ROUNDING = 1e-13  # Of an element's variance
 
 
 def make_weights(
@@ -37,7 +38,8 @@ def make_weights(
     size = np.abs(frf.response) if size is None else size
     power, variance, freedom = size**2, frf.element_variance(), frf.degrees_of_freedom
     relative = np.divide(variance, power, out=np.full(power.shape, np.inf), where=power > 0)
-    below = relative > 1 / _MIN_SNR
+    # What is exactly zero has no logarithm, whatever the model's size there.
+    below = (relative > 1 / _MIN_SNR) | (frf.response == 0)
     if weights.kind == "user":
         base = _user_weights(weights, relative, below)
         size = np.broadcast_to(np.sqrt(power.mean(axis=(0, 1))), power.shape)
@@ -88,7 +90,7 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
         (n_conf, n_freq, n_element, n_element), zero where an element is left out, rows of the response in order.
 
     Raises:
-        DataError: If the covariance has no inverse: too few realizations.
+        DataError: If the covariance has no inverse: too few realizations, or errors that determine each other.
 
     Source:
         Wernholt and Moberg (2008), eq. 6 and 8; mean of the inverted complex Wishart distribution.
@@ -111,7 +113,28 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
         for line, used in enumerate(kept[configuration].reshape(n_freq, -1)):
             both = np.ix_(used, used)
             # With C = L L^H, the residuals times L^-1 have unit covariance.
-            root = np.linalg.cholesky(covariance[line][both])
+            root = _cholesky(covariance[line][both])
+            if root is None:
+                raise singular_covariance(frf.frequency_hz[[line]], "fit")
             whitening[configuration, line][both] = np.linalg.inv(root)
     # The mean of an inverted complex Wishart matrix is n / (n - p) times the inverse: its root is taken back.
     return np.asarray(whitening * np.sqrt((freedom - n_out) / freedom))
+
+
+def _cholesky(covariance: ComplexArray) -> ComplexArray | None:
+    """Lower root of a covariance (n, n); None where it has no inverse beyond rounding."""
+    try:
+        root = np.linalg.cholesky(covariance)
+    except np.linalg.LinAlgError:
+        return None
+    # A pivot is what the elements before leave of an element's variance.
+    left = np.diag(root).real ** 2 / np.diag(covariance).real
+    return np.asarray(root) if (left > _ROUNDING).all() else None
+
+
+def singular_covariance(frequency_hz: FloatArray, where: str) -> DataError:
+    """Returns the refusal of weights that invert a covariance which has no inverse at some lines (n_freq,) [Hz]."""
+    lines = ", ".join(f"{frequency:.3g}" for frequency in frequency_hz[:5])
+    message = f"D243 the covariance is singular at {lines} Hz, and optimal weights invert it"
+    remedy = "use the weights `inflated` or `user`, or look for a channel without noise"
+    return DataError(message, where=where, remedy=remedy)

@@ -95,7 +95,9 @@ def error_ratios(fitted: FittedModel, modelled: ComplexArray, assumed: float) ->
     problem = fitted.problem
     used = problem.weight > 0
     shown = np.where(used, modelled, 1.0)
-    error = np.abs(np.log(np.where(used, fitted.measured, 1.0) / shown)) ** 2
+    measured = np.where(used, fitted.measured, 1.0)
+    # What never moved is off by as much as numbers hold.
+    error = np.abs(np.log(np.where(measured == 0, np.finfo(float).tiny, measured) / shown)) ** 2
     allowed = problem.frf.element_variance() / np.abs(shown) ** 2 + assumed**2
     sums: FloatArray = np.where(used, error / allowed, 0.0).sum(axis=(1, 2, 3))
     return np.asarray(sums / np.maximum(used.sum(axis=(1, 2, 3)), 1))
@@ -128,7 +130,9 @@ def own_errors(fitted: FittedModel, modelled: ComplexArray) -> OwnErrors:
     )
     ratio = fitted.measured[..., own, motors] / modelled[..., own, motors]
     used = (fitted.problem.weight[..., own, motors] > 0) & seen
-    decibel = np.where(used, np.abs(20 * np.log10(np.abs(ratio))), np.nan)
+    # A motor that never moved is off by as much as numbers hold.
+    size = np.maximum(np.abs(ratio), np.finfo(float).tiny)
+    decibel = np.where(used, np.abs(20 * np.log10(size)), np.nan)
     return OwnErrors(decibel, np.where(used, np.abs(np.angle(ratio, deg=True)), np.nan))
 
 

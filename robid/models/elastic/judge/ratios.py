@@ -55,17 +55,22 @@ def score(fitted: FittedModel, nuisances: tuple[Nuisance, ...]) -> Scores:
     own, added = _rows(fitted, derivative), _rows(fitted, columns)
     left = _rows(fitted, residual[..., None])[:, 0]
     prior = 0.5 / problem.parameters.prior_std**2
-    cost, freedom = float(left @ left), float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1]
+    # Fewer residuals than parameters leave none; what is known beforehand makes up for it.
+    cost = float(left @ left)
+    freedom = max(float(problem.residual_kind.parts) * (problem.weight > 0).sum() - own.shape[1], 1.0)
     # What errs alike over lines says less than it counts: it must not outweigh what is known beforehand.
     known = (
         max(0.5, CHANCE * cost / freedom) / (_WIDER * np.array([nuisance.common_std for nuisance in nuisances])) ** 2
     )
     mixed = own.T @ added
     follow = -np.linalg.lstsq(own.T @ own + np.diag(prior), mixed, rcond=1e-14)[0]
+    # What the parameters leave of each column, and what is known of these beforehand: squares, which no rounding makes
+    # negative, as it does the difference `added' added - mixed' (own' own + prior)^-1 mixed`.
+    beyond = added + own @ follow
     return Scores(
         nuisances=nuisances,
         slope=added.T @ left + follow.T @ (own.T @ left - prior * internal),
-        curvature=added.T @ added + mixed.T @ follow + np.diag(known),
+        curvature=beyond.T @ beyond + follow.T @ (prior[:, None] * follow) + np.diag(known),
         follow=follow,
         cost=cost,
         freedom=freedom,

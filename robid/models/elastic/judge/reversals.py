@@ -106,7 +106,7 @@ def _best_signs(problem: Problem, internal: FloatArray) -> tuple[FloatArray, Flo
         best, alone = min(tried, key=lambda one: one[0]), min(single, key=lambda one: one[0])
         if now - alone[0] > _NEARLY * (now - best[0]):
             best = alone
-        if now - best[0] < _GAIN * now:
+        if now <= 0 or now - best[0] < _GAIN * now:  # without any weight nothing is left to save
             return rows, columns
         now, rows, columns = best
 

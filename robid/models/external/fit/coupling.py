@@ -40,7 +40,7 @@ class Pairs:
 
 @dataclass(frozen=True)
 class CouplingMap:
-    """How far each output follows each command."""
+    """How far each output follows each command; NaN where a command rests or was not excited."""
 
     bands: Annotated[tuple[str, ...], Quantity("1", "band", "Shots")]
     highest_hz: Annotated[FloatArray, Quantity("Hz", "band", "Highest excited frequency")]
@@ -128,6 +128,8 @@ def _band(
     for place, index in enumerate(moved):
         told, cross, answer = _partial(spectra, place, len(moved))
         excited = told > _EXCITED * told.max()
+        if not excited.any():
+            continue
         count, highest_hz = max(count, int(excited.sum())), max(highest_hz, float(frequency_hz[excited][-1]))
         # |S_uy|^2 / S_uu is the power of the output that follows the command: over S_yy the coherence, over S_uu the
         # squared gain.

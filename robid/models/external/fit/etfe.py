@@ -25,10 +25,10 @@ _RESPONSE = "frequency output input"
 
 @dataclass(frozen=True)
 class Etfe:
-    """Empirical response of every output to every command."""
+    """Empirical response of every output to every command; NaN where a command was not excited."""
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency")]
-    # Output over command; NaN where a command was not excited.
+    # Output over command
     response: Annotated[ComplexArray, Quantity("output over input", _RESPONSE, "Empirical response")]
     radius: Annotated[FloatArray, Quantity("output over input", _RESPONSE, "Its confidence radius")]
 

@@ -162,13 +162,15 @@ def predict(model: TransferMatrix, shot: Shot, inputs: Sequence[int], outputs: S
 def nrmse(measured: FloatArray, simulated: FloatArray) -> FloatArray:
     """Returns `1 - |y - f| / |y - mean y|` of each output (n_out,) of signals (n_sample, n_out); 1 is perfect.
 
+    An output at rest is described perfectly by a model that rests, and by no other.
+
     Source:
         Oliveira et al. (2019), Table 2.
     """
     left = np.linalg.norm(measured - simulated, axis=0)
     whole = np.linalg.norm(measured - measured.mean(axis=0), axis=0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(1 - left / whole)
+        return np.asarray(np.where(left == 0, 1.0, 1 - left / whole))
 
 
 _ADDED = (0.3, 1.0, 3.0)  # times the outputs' own frequency, a pole that a zero cancels is added

@@ -71,6 +71,9 @@ def _check_excitation(
             raise DataError(message, where=shots[0].name, remedy="excite more frequencies, or ask for fewer poles")
 
 
+_NOTHING = 1e-6  # of an output's largest motion
+_ROUNDING = 1e-10  # of an output
+_BEYOND = 1e100  # States of an unstable start: their squares overflow
 _FASTEST = 20.0  # per sample: of what a pole beyond answers nothing is left after one
 
 
@@ -123,7 +126,7 @@ class Problem:
         cascade = basis.double if slopes else basis.single
         with np.errstate(over="ignore", invalid="ignore"):
             reduced = reduce_shots(self.experiments, cascade, self.period, self.structure.hold)
-        if not all(np.isfinite(each.triangle).all() for each in reduced):
+        if not all((np.abs(each.triangle) < _BEYOND).all() for each in reduced):
             return None
         return solve(reduced, basis, self.sought, self.n_in, noise, slopes=slopes)
 
@@ -149,15 +152,14 @@ def pose(shots: Sequence[Shot], inputs: Sequence[int], outputs: Sequence[int], s
 
 def first_noise(experiments: Sequence[Experiment]) -> FloatArray:
     """Noise (n_shot, n_out) to start with: that of the repeats, or a hundredth of the output where there are none."""
-    return np.array(
-        [np.where(each.noise > 1e-9 * output_size(each), each.noise, 0.01 * output_size(each)) for each in experiments]
-    )
+    size, repeats = output_sizes(experiments), np.array([each.noise for each in experiments])
+    return np.where(repeats > 1e-9 * size, repeats, 0.01 * size)
 
 
-def output_size(experiment: Experiment) -> FloatArray:
-    """Root mean square (n_out,) of the outputs of a shot."""
-    size = np.sqrt(np.mean(experiment.outputs**2, axis=1))
-    return np.asarray(np.maximum(size, np.finfo(float).tiny))
+def output_sizes(experiments: Sequence[Experiment]) -> FloatArray:
+    """Root mean square (n_shot, n_out) of the outputs; of one that rests in a shot, what is nothing beside others."""
+    size = np.sqrt([np.mean(each.outputs**2, axis=1) for each in experiments])
+    return np.asarray(np.maximum(size, np.maximum(_NOTHING * size.max(axis=0), np.finfo(float).tiny)))
 
 
 def residual_noise(experiments: Sequence[Experiment], point: Point, noise: FloatArray) -> FloatArray:
@@ -165,6 +167,8 @@ def residual_noise(experiments: Sequence[Experiment], point: Point, noise: Float
     squares = squares_of(point, noise)
     n_sample = np.array([[each.n_sample] for each in experiments])
     least = np.array([each.noise for each in experiments])
+    # What a model without any noise leaves is rounding.
+    least = np.maximum(least, _ROUNDING * output_sizes(experiments))
     return np.asarray(np.maximum(np.sqrt(squares / n_sample), least))
 
 
@@ -190,8 +194,8 @@ def count_free(problem: Problem, n_out: int) -> int:
 def log_likelihood(experiments: Sequence[Experiment], squares: FloatArray) -> float:
     """Returns the log-likelihood of residuals with sums of squares (n_shot, n_out), each with its own variance."""
     total = 0.0
-    for each, own in zip(experiments, squares, strict=True):
-        floor = (1e-10 * output_size(each)) ** 2
+    for each, own, size in zip(experiments, squares, output_sizes(experiments), strict=True):
+        floor = (_ROUNDING * size) ** 2
         # Gaussian noise whose variance is the residual's own mean square: -n/2 (ln(2 pi s^2) + 1).
         variance = np.maximum(own / each.n_sample, floor)
         total -= 0.5 * each.n_sample * float(np.sum(np.log(2 * np.pi * variance) + 1))

@@ -157,6 +157,8 @@ def whiteness(residual: FloatArray, excited: BoolArray, n_taken: float) -> float
     """
     n_sample = len(residual)
     centred = residual - residual.mean()
+    if not centred.any():  # nothing is left: an output that never moves
+        return 1.0
     power = np.abs(np.fft.rfft(centred)) ** 2
     chances = []
     # A model that lacks dynamics leaves power where commands excite; noise, white or not, is as strong in between. Two

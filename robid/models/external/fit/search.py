@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.models.external.fit.descent import Descent, Point, admit, descend, natural_steps
-from robid.models.external.fit.problem import Problem, first_noise, output_size, residual_noise
+from robid.models.external.fit.problem import Problem, first_noise, output_sizes, residual_noise
 from robid.models.external.fit.reduction import Experiment, build_basis
 from robid.models.external.fit.transfer import Held, discretise, propagate, release
 
@@ -163,7 +163,7 @@ def search(
     """
     noise = first_noise(problem.experiments) if noise is None else noise
     # Commands tell poles at one level only: no shot may drown the others before the model is about right.
-    soft = np.maximum(noise, _SOFT * np.array([output_size(each) for each in problem.experiments]))
+    soft = np.maximum(noise, _SOFT * output_sizes(problem.experiments))
     candidates = [*starts, *(linear_starts(problem, soft) if linear else [])]
     first = _cheapest(problem, candidates, soft)[:tried]
     tries = [descend_from(problem, each.basis.denominator, noise, 0.1, 15) for each in first]

@@ -79,8 +79,9 @@ class FitQuality:
     whiteness_p: Annotated[FloatArray, Quantity("1", "block", "Chance of white residuals to look as correlated")]
     n_sample: Annotated[IntArray, Quantity("1", "block", "Samples of each output")]
     n_parameter: Annotated[IntArray, Quantity("1", "block", "Parameters")]
+    # NaN where commands excite no line, as slopes do
     lowest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Lowest excited frequency")]
-    highest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Highest one")]
+    highest_hz: Annotated[FloatArray, Quantity("Hz", "block", "Highest one; NaN likewise")]
     # The outputs of all blocks: names of single channels, and of the outputs of matrices.
     output_names: Annotated[tuple[str, ...], Quantity("1", "block_output", "Outputs of all blocks")]
     first_output: Annotated[IntArray, Quantity("1", "block", "First of them of each block")]
@@ -111,8 +112,9 @@ class Responses:
     sampled: Annotated[
         ComplexArray, Quantity("output over input", _CHANNEL, "From samples to samples, hold and average included")
     ]
+    # NaN of both where a channel answers with nothing
     relative_std: Annotated[FloatArray, Quantity("1", _CHANNEL, "Deviation of the magnitude, relative")]
-    phase_std: Annotated[FloatArray, Quantity("rad", _CHANNEL, "Deviation of the phase")]
+    phase_std: Annotated[FloatArray, Quantity("rad", _CHANNEL, "Deviation of the phase; NaN likewise")]
 
 
 @dataclass(frozen=True)
@@ -126,16 +128,17 @@ class StepResponses:
     undershoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
     # How far it goes beyond the final value, over it; 0 where it never gets there.
     overshoot: Annotated[FloatArray, Quantity("1", "channel", "Over the final value")]
+    # NaN where a step leads to no final value, or not to it
     rise_s: Annotated[FloatArray, Quantity("s", "channel", "From 10 to 90 %")]
 
 
 @dataclass(frozen=True)
 class RootLoci:
-    """Poles of each channel, without its delay, in a proportional loop around it."""
+    """Poles of each channel, without its delay, in a proportional loop around it; NaN where there are fewer."""
 
     gain: Annotated[FloatArray, Quantity("1", "gain", "Loop gain, over that of static loop gain 1")]
     roots: Annotated[ComplexArray, Quantity("rad/s", "gain channel pole", "Closed-loop poles")]
-    zeros: Annotated[ComplexArray, Quantity("rad/s", "channel zero")]  # Zeros; NaN where there are fewer
+    zeros: Annotated[ComplexArray, Quantity("rad/s", "channel zero")]
     poles: Annotated[ComplexArray, Quantity("rad/s", "channel pole")]
     zero_std: Annotated[ComplexArray, Quantity("rad/s", "channel zero", "Deviations of real and imaginary parts")]
     pole_std: Annotated[ComplexArray, Quantity("rad/s", "channel pole", "Deviations of real and imaginary parts")]

@@ -150,6 +150,13 @@ class _Search:
         packed = pack(transform(self.systems, self.transformations(point)))
         return np.asarray((weights * (self.combine @ packed)).ravel())
 
+    def _cost(self, point: FloatArray, weights: FloatArray) -> float:
+        """Sum of squares of the residual; infinite where a transformation has no inverse."""
+        try:
+            return float(np.sum(self.residual(point, weights) ** 2))
+        except np.linalg.LinAlgError:
+            return float("inf")
+
     def slope(self, point: FloatArray) -> FloatArray:
         """Derivative of the packed models (n_pos, n_local, n_state^2) by their transformations."""
         T = self.transformations(point)
@@ -169,7 +176,7 @@ class _Search:
     def descend(self, point: FloatArray, weights: FloatArray) -> FloatArray:
         """Makes the weighted residual small."""
         return minimise(
-            lambda at: float(np.sum(self.residual(at, weights) ** 2)),
+            lambda at: self._cost(at, weights),
             lambda at: self.normal(at, weights),
             point,
             max_iterations=_STEPS,

@@ -243,7 +243,7 @@ _ELEMENT = "position output input"
 
 @dataclass(frozen=True)
 class Agreement:
-    """Measures of each position and element (n_pos, n_out, n_in); elements without weight are left out."""
+    """Measures of each position and element (n_pos, n_out, n_in); NaN for those without weight, or without response."""
 
     share_within: Annotated[FloatArray, Quantity("1", _ELEMENT, "Share of the lines within two deviations")]
     error_ratio: Annotated[FloatArray, Quantity("1", _ELEMENT, "Error over deviation, root mean square")]
@@ -279,7 +279,7 @@ def agree(response: ComplexArray, modelled: ComplexArray, std: FloatArray, noise
         share_within=_mean((ratio <= _DEVIATIONS).astype(float), known),
         error_ratio=np.sqrt(_mean(ratio**2, known)),
         error_db=np.where(some, median, np.nan),
-        relative_error=np.sqrt(error / power),
+        relative_error=np.sqrt(np.divide(error, power, out=np.full(power.shape, np.nan), where=power > 0)),
         excess=np.sqrt(np.maximum(error - expected - chance, 0)) / _natural(power),
     )
 

@@ -337,5 +337,8 @@ def _scale(model: RigidModel, bodies: IntArray) -> FloatArray:
     scale = parameter_scale(nominal, bodies)
     known = {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in model.robot.joints}
     rotors = [index for index, kind in enumerate(model.kinds) if kind == "motor_inertia"]
-    scale[rotors] = [known[model.names[index]] * nominal[index] for index in rotors]
+    # A rotor of which the robot file states nothing, or no inertia, is measured as any other number.
+    stated = [(index, known[model.names[index]] * nominal[index]) for index in rotors]
+    for index, size in stated:
+        scale[index] = size if size > 0 else scale[index]
     return scale

@@ -19,6 +19,7 @@ from robid.signals.record import Record, place_words
 from robid.simulate.controller import angle_reference
 
 _STILL = 1e-9  # of a turn
+_FEWEST = 16  # samples
 _SAME_MOTION = 1e6  # condition number
 _DRIVES, _POSITIONS = ("torque", "current", "force"), ("angle", "position")
 
@@ -133,6 +134,10 @@ def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:
         what = f"sampled at {rates[0]:g} and {rates[-1]:g} Hz" if len(rates) > 1 else f"in {' and in '.join(units)}"
         message = f"D186 the records of one fit are {what}"
         raise DataError(message, where="record", remedy="fit them one by one, or log them alike")
+    shortest = min(len(shot.position) for shot in shots)
+    if shortest < _FEWEST:
+        message = f"D600 a record has {shortest} samples, fewer than the {_FEWEST} that any filter needs"
+        raise DataError(message, where="record", remedy="record longer, or leave this record out")
     names = [joint.name for joint in robot.joints]
     still = _constant(names, [shot.position for shot in shots], 2 * np.pi * _STILL)
     if still:

@@ -54,7 +54,7 @@ class Estimators:
 
 @dataclass(frozen=True)
 class Checks:
-    """The verdict on least squares, and what it rests on."""
+    """The verdict on least squares, and what it rests on; NaN of a joint with too few rows for a test."""
 
     trust: bool  # whether least squares is to be trusted
     sentence: str  # what the tests found, in words, with what to do
@@ -120,10 +120,13 @@ class RowResiduals:
 
 @dataclass(frozen=True)
 class NominalTorques:
-    """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets."""
+    """Torques of the estimated links beside those of the robot file's, without motors, friction and offsets.
+
+    What compares the two is NaN where either has no torque.
+    """
 
     share: Annotated[FloatArray, Quantity("1", "joint", "Torque of the links over the measured one")]
-    # Norm of the estimated ones over that of the robot file's; NaN where either has none.
+    # Norm of the estimated ones over that of the robot file's
     ratio: Annotated[FloatArray, Quantity("1", "joint", "The same over that by the robot file")]
     likeness: Annotated[FloatArray, Quantity("1", "joint", "Correlation of these two")]
     whole_ratio: Annotated[FloatArray, Quantity("1", "joint", "The ratio of links and motors together")]

@@ -143,10 +143,10 @@ def _balanced(robot: Robot, index: int) -> Robot:
 
 def _delays(scene: _Scene, own: FloatArray) -> Iterator[Trial]:
     """Torques of all motors moved in time; of each the error on its own rows counts."""
-    found = {}
+    found, shortest = {}, min(len(shot.position) for shot in scene.shots)
     for late_s in _LATE_S:
         step = round(late_s / scene.shots[0].sampling_period_s)
-        if step:
+        if step and abs(step) <= shortest // 2:
             found[late_s] = scene.error(shots=[_moved(shot, step) for shot in scene.shots])
     if not found:
         return

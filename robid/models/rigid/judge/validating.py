@@ -142,6 +142,9 @@ def validate_rigid(
         message = "D191 no row of the validation is left: all motors are slower than the fit's rows"
         remedy = "validate on a faster motion, or lower `filters.drop_below_rad_s` and `filters.drop_deviations`"
         raise DataError(message, where="validation", remedy=remedy)
+    if not np.nansum(prediction.measured**2) > 0:
+        message = "D601 the torques of the validation are zero throughout"
+        raise DataError(message, where="validation", remedy="check that these channels were connected and recorded")
     refuse_other_rate(solution.filtered.sampling_period_s, [shot.sampling_period_s for shot in shots])
     units = {shot.torque_unit for shot in shots} - {solution.torque_unit}
     if units:
