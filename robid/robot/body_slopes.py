@@ -9,11 +9,10 @@ import mujoco
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.errors import DataError
 from robid.robot.bodies import bodies_of
 from robid.robot.description import Robot
 from robid.robot.inertia import cross_matrix
-from robid.robot.linearize import Equilibrium, LinearModel
+from robid.robot.linearize import Equilibrium, LinearModel, gives_way
 from robid.robot.model import ElasticModel
 from robid.robot.rest import MatrixSlopes
 
@@ -78,9 +77,7 @@ def slopes_along_bodies(
     try:
         moved = -np.linalg.solve(np.diag(stiffness) + linear.rest.gradient, np.swapaxes(springs, 1, 2))
     except np.linalg.LinAlgError as error:
-        message = "D205 no equilibrium under gravity; the springs give way"
-        remedy = "check stiffness values and payload of the robot file"
-        raise DataError(message, where=model.robot.name, remedy=remedy) from error
+        raise gives_way(model.robot) from error
     # The whole change: at the same place, and by the way to where the robot rests then.
     whole = {
         each.name: own.get(each.name, 0.0) + np.einsum("csm,csij->cmij", moved, getattr(moves, each.name))

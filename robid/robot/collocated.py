@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.robot.elimination import eliminate, invert, outer_products
 from robid.robot.linearize import LinearModel
 from robid.robot.response import ElasticParameters, arm_dampers, fast_limit, mass_matrix
 from robid.robot.sampling import Folding, hold_factor, make_folding
@@ -143,12 +144,12 @@ class Collocated:
         stiffness = parameters.stiffness[:, None] * self._factor
         # Z = -w^2 M + j w D + K + dg/dq; in spring coordinates only these diagonals vary (docs/methods, sec. 1).
         springs = np.asarray(stiffness + 1j * parameters.damping[:, None] * self._omega, complex)
-        _eliminate(self._constant, springs, self._work, self._factors, self._product)
+        eliminate(self._constant, springs, self._work, self._factors, self._product)
         rest = self._work[n_spring:, n_spring:]
         if not self._swept:
             motors = np.arange(len(rest))
             rest[motors, motors] += 1j * parameters.viscous[:, None] * self._omega
-        torque = None if self._swept else _invert(rest)
+        torque = None if self._swept else invert(rest)
         # The Schur complement of the springs is the inverse of the response; swept, it is minus the response itself.
         seen = -rest[self._rows, self._columns] if torque is None else torque[self._rows, self._columns]
         timing = self._timed(float(parameters.delay[0]))
@@ -224,7 +225,7 @@ class Collocated:
             if self._varies:
                 out /= self._factor[mask][:, None]
             return
-        _outer(self._seen(kind)[mask], own, out)
+        outer_products(self._seen(kind)[mask], own, out)
         if kind == "stiffness":
             outer[key] = rows
             if self._varies:
@@ -353,59 +354,3 @@ class Collocated:
         seen = coupling @ inverse
         springs = constant[:, :n_spring, :n_spring] - seen @ np.swapaxes(coupling, -1, -2)
         return np.block([[springs, seen], [np.swapaxes(seen, -1, -2), -inverse]])
-
-
-def _eliminate(
-    constant: ComplexArray, diagonal: ComplexArray, matrix: ComplexArray, factors: ComplexArray, product: ComplexArray
-) -> None:
-    """Eliminates the first rows of symmetric matrices (n, n, n_line), upper triangle only.
-
-    Args:
-        constant: The matrices, but for a diagonal.
-        diagonal (n_pivot, n_line): What the first elements of their diagonals have more.
-        matrix: Where the eliminated triangle goes, what is left behind its first rows.
-        factors (n_pivot, n, n_line): Where the first rows over their pivots go.
-        product (n, n_line): Memory to work in.
-    """
-    n, pivots = len(matrix), len(factors)
-    # Row by row, so that all that is taken off a row finds it in the cache.
-    for row in range(n):
-        own, rest = matrix[row, row:], product[: n - row]
-        np.copyto(own, constant[row, row:])
-        for pivot in range(min(row, pivots)):
-            # Symmetric elimination without pivoting: dampers keep pivots away from zero.
-            np.multiply(matrix[pivot, row:], factors[pivot, row], out=rest)
-            own -= rest
-        if row < pivots:
-            own[0] += diagonal[row]
-            np.multiply(own, 1 / own[0], out=factors[row, row:])
-
-
-def _invert(matrix: ComplexArray) -> ComplexArray:
-    """Inverse of symmetric matrices (n, n, n_line) of which the upper triangle is given, by sweeping."""
-    n = len(matrix)
-    swept = matrix.copy()
-    for row in range(n):
-        swept[row + 1 :, row] = swept[row, row + 1 :]
-    for pivot in range(n):
-        # Sweep operator: each pivot exchanges an unknown with its right-hand side, and all of them give the inverse.
-        column = swept[:, pivot].copy()
-        inverse = 1 / column[pivot]
-        scaled = column * inverse
-        swept -= column[:, None] * scaled
-        swept[pivot] = scaled
-        swept[:, pivot] = scaled
-        swept[pivot, pivot] = -inverse
-    return np.negative(swept, out=swept)
-
-
-def _outer(motion: ComplexArray, scale: ComplexArray, out: ComplexArray) -> None:
-    """Upper triangle of the outer product of each element's motion (n_element, n_motor, n_line), scaled."""
-    n_motor = motion.shape[1]
-    for own, found in zip(motion, out, strict=True):
-        begin = 0
-        for row in range(n_motor):
-            end = begin + n_motor - row
-            np.multiply(own[row], own[row:], out=found[begin:end])
-            begin = end
-        found *= scale

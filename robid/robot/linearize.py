@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.robot.balances import balance_slope, balance_torque
-from robid.robot.description import Sensor
+from robid.robot.description import Robot, Sensor
 from robid.robot.model import ElasticModel, site_name
 from robid.robot.rest import MatrixSlopes, Rest
 from robid.robot.spring_laws import GearEffects
@@ -240,9 +240,14 @@ def _settle(
         if size > _STALE * before:  # gravity's gradient, dear and nearly the same, is kept while steps shrink fast
             gravity = np.zeros((0, 0))
         before = size
-    shown = model.robot.shown(configuration)
-    message = f"D205 no equilibrium under gravity in configuration {shown}; the springs give way"
-    raise DataError(message, where=model.robot.name, remedy="check stiffness values and payload of the robot file")
+    raise gives_way(model.robot, configuration)
+
+
+def gives_way(robot: Robot, configuration: FloatArray | None = None) -> DataError:
+    """Returns the refusal of a robot whose springs do not bear it in a configuration (n_joint,), or in some."""
+    where = "" if configuration is None else f" in configuration {robot.shown(configuration)}"
+    message = f"D205 no equilibrium under gravity{where}; the springs give way"
+    return DataError(message, where=robot.name, remedy="check stiffness values and payload of the robot file")
 
 
 def _gravity(model: ElasticModel, data: mujoco.MjData, position: FloatArray) -> FloatArray:
