@@ -3,15 +3,12 @@
 A case runs again as `outcome(PROBLEMS[family](seed)[1])`.
 """
 
-import os
-
 import pytest
 
 from degenerate import outcome
 from degenerate_problems import PROBLEMS
-from hard_summary import note
+from hard_summary import SCALE, note
 
-SCALE = float(os.environ.get("ROBID_HARD_SCALE", "1"))
 CASES = {"elastic": 120, "response": 1600, "rigid": 120, "external": 100, "lpv": 100, "design": 1200}
 CHUNK = {"elastic": 8, "response": 400, "rigid": 15, "external": 8, "lpv": 12, "design": 400}
 """As many as take some ten seconds."""
