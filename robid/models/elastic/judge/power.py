@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import fdtrc, ndtri
+from scipy.special import fdtrc
 from scipy.stats import norm
 
-from robid.arrays import ComplexArray, FloatArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.model_error import Expectation, expect, relative_residual
@@ -31,6 +30,7 @@ POWER = 0.8
 _START = 1.0
 """Deviation of an internal value from which on a prior is that of a start, and states nothing: a factor of e."""
 
+_HALVINGS = 14  # of the interval in which the smallest amount lies: to a thousandth of it
 _LARGEST = 1e3  # deviations known beforehand: a defect that takes more is never shown
 
 
@@ -42,48 +42,55 @@ class Elements:
     known: FloatArray  # (n_element,) Real degrees of freedom behind its variance
     limit: FloatArray  # (n_element,) Ratio of the sum over its expectation above which it counts
 
-    def power(self, noncentrality: FloatArray) -> float:
-        """Probability that more elements count than of a right model.
+    def power(self, noncentrality: FloatArray) -> FloatArray:
+        """Probability (n_defect,) that more elements count than of a right model.
 
         An element's sum of squares is noncentral chi-square where the model lacks something, and over its variance
         noncentral Fisher. How many elements are beyond their limits is a sum of independent trials.
 
         Args:
-            noncentrality (n_element,): Sum of squares of what the defect leaves in an element, over its variance.
+            noncentrality (n_element, n_defect): Sum of squares of what a defect leaves in an element, over its
+                variance.
 
         Source:
             Patnaik (1949), The non-central chi-square and F distributions and their applications.
         """
+        own, known, limit = self.freedom[:, None], self.known[:, None], self.limit[:, None]
         # Patnaik: a noncentral variable is one of more degrees of freedom with the same mean and variance.
-        mean = self.freedom + noncentrality
-        freedom = mean**2 / (mean + noncentrality)
-        beyond = fdtrc(freedom, self.known, self.limit * self.freedom / mean)
-        needed = int(beyond.size * share_limit(beyond.size)) + 1
-        # Probabilities of fewer, element by element: what reaches the number needed leaves the vector for good.
-        fewer = np.zeros(needed)
+        mean = own + noncentrality
+        beyond = fdtrc(mean**2 / (mean + noncentrality), known, limit * own / mean)
+        needed = int(len(beyond) * share_limit(len(beyond))) + 1
+        # Probabilities of fewer, element by element: what reaches the number needed leaves the rows for good.
+        fewer = np.zeros((needed, beyond.shape[1]))
         fewer[0] = 1.0
-        for one in beyond.tolist():
-            fewer[1:] = (1 - one) * fewer[1:] + one * fewer[:-1]
-            fewer[0] *= 1 - one
-        return float(1 - fewer.sum())
+        for one in beyond:
+            leaves = one * fewer
+            fewer -= leaves
+            fewer[1:] += leaves[:-1]
+        return np.asarray(1 - fewer.sum(axis=0))
 
-    def smallest_shown(self, noncentrality: FloatArray, largest: float, power: float = POWER) -> float:
-        """Smallest amount that is shown with a given power; infinite where even the largest is not.
+    def smallest_shown(self, noncentrality: FloatArray, largest: FloatArray, power: float = POWER) -> FloatArray:
+        """Smallest amounts (n_defect,) that are shown with a given power; infinite where even the largest is not.
 
         Args:
-            noncentrality (n_element,): That of an amount of one.
-            largest: Largest amount that is looked at.
+            noncentrality (n_element, n_defect): That of an amount of one.
+            largest (n_defect,): Largest amounts that are looked at.
             power: The power.
         """
 
-        def short(log_amount: float) -> float:
-            return float(ndtri(np.clip(self.power(np.exp(2 * log_amount) * noncentrality), 1e-15, 1 - 1e-15))) - wanted
+        def is_shown(log_amount: FloatArray) -> BoolArray:
+            return np.asarray(self.power(np.exp(2 * log_amount) * noncentrality) >= power)
 
-        wanted, high = float(ndtri(power)), float(np.log(largest))
+        high = np.log(largest)
         low = high - 2 * np.log(_LARGEST)
-        if not noncentrality.any() or short(high) <= 0:
-            return np.inf
-        return float(np.exp(brentq(short, low, high, xtol=5e-3))) if short(low) < 0 else float(np.exp(low))
+        never, always = ~is_shown(high), is_shown(low)
+        # The power rises with the amount: halves of the interval, of all defects at once.
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (low + high)
+            shown = is_shown(middle)
+            low, high = np.where(shown, low, middle), np.where(shown, middle, high)
+        amount = np.where(always, np.asarray(largest) / _LARGEST**2, np.exp(0.5 * (low + high)))
+        return np.asarray(np.where(never, np.inf, amount))
 
 
 def detectable_defects(
@@ -121,10 +128,7 @@ def detectable_defects(
     pulls = _noncentrality(fitted, effects.left, expected)
     elements, known = _elements(expected), np.isfinite(expected.ratio(np.ones_like(expected.variance)))
     std = np.array([each.common_std for each in listed])
-    amounts = [
-        elements.smallest_shown(pull[known], _LARGEST * one)
-        for pull, one in zip(np.moveaxis(pulls, -1, 0), std.tolist(), strict=True)
-    ]
+    amounts = elements.smallest_shown(pulls[known], _LARGEST * std)
     names, causes, units = zip(*((each.name, each.cause, each.unit) for each in listed), strict=True)
     known_to = norm.ppf(0.5 + 0.5 * options.confidence) * std
     lower, upper = (
@@ -134,7 +138,7 @@ def detectable_defects(
     tells = effects.curvature > 0
     asked = np.divide(effects.slope, effects.curvature, out=np.zeros_like(std), where=tells)
     gain = asked * effects.slope / max(effects.chance, np.finfo(float).tiny)
-    return Detectable(names, causes, units, lower, upper, np.array(amounts), effects.moves, asked, gain)
+    return Detectable(names, causes, units, lower, upper, amounts, effects.moves, asked, gain)
 
 
 def listed_defects(fitted: FittedModel) -> tuple[Nuisance, ...]:
