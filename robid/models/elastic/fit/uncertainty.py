@@ -101,9 +101,10 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     # configuration, so scores there are correlated.
     relative = problem.residual_kind.per_relative(problem.frf.response)
     error = problem.model_error[..., None] * found.weighted * relative.conj()[..., None]
-    assumed = _reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param)
-    clusters = group_clusters(problem.frf.configurations)
-    shared = spread_over(clusters, np.array([assumed[cluster].sum(axis=0) for cluster in clusters]))
+    assumed = _parts(_reciprocal(error, motor_rows(problem.model)).reshape(n_conf, -1, n_param))
+    clusters, shared = group_clusters(problem.frf.configurations), assumed
+    if len(clusters) < n_conf:
+        shared = spread_over(clusters, np.array([assumed[cluster].sum(axis=0) for cluster in clusters]))
     scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
     # The covariance of a response is a product over outputs, inputs and lines. A root of each factor is applied in
     # turn, so that the whole matrix is never formed.
@@ -111,12 +112,13 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     rows = np.einsum("cfij,cfojq->cfoiq", _root(problem.frf.input_factor), rows, optimize=True)
     if problem.frf.line_correlation is not None:
         rows = np.einsum("cfg,cgoiq->cfoiq", _root(_whole(problem.frf.line_correlation)), rows, optimize=True)
-    rows = rows.reshape(n_conf, -1, n_param)
-    return np.asarray(2 * np.real(_adjoint(rows) @ rows + _adjoint(assumed) @ shared))
+    noise = _parts(rows.reshape(n_conf, -1, n_param))
+    return np.asarray(2 * (np.swapaxes(noise, 1, 2) @ noise + np.swapaxes(assumed, 1, 2) @ shared))
 
 
-def _adjoint(rows: ComplexArray) -> ComplexArray:
-    return np.swapaxes(rows.conj(), 1, 2)
+def _parts(rows: ComplexArray) -> FloatArray:
+    """Real over imaginary parts: their product is the real part of that of complex rows, in half the time."""
+    return np.concatenate([rows.real, rows.imag], axis=1)
 
 
 def _root(covariance: ComplexArray) -> ComplexArray:
