@@ -110,7 +110,7 @@ def attacked(how, seed, truths, folder):
 @pytest.mark.parametrize(("how", "seed"), CASES)
 def test_a_cluster_that_loses_something_loses_nothing_finished(truths, how, seed, tmp_path):
     wrong = attacked(how, seed, truths, tmp_path)
-    note(f"cluster {how.split()[-1]}", seed, {seed: f"WRONG: {wrong}" if wrong else "same"})
+    note(f"cluster {how}", seed, {seed: f"WRONG: {wrong}" if wrong else "same"})
 
 
 def test_a_worker_of_another_version_is_refused_by_name(truths, tmp_path):
