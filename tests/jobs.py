@@ -127,6 +127,21 @@ def run(job: Job, folder: Path, backend: str = "serial", **environment: str) -> 
     return process.returncode, err
 
 
+def inputs_of(folder: Path) -> dict[Path, bytes]:
+    """The files that a job reads, which it may not change."""
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def ends_well(truth: Truth, folder: Path, inputs: dict[Path, bytes], backend: str = "serial") -> str:
+    """Runs a job again after an attack; returns what is other than without one, or nothing."""
+    code, err = run(truth.job, folder, backend)
+    if code not in (0, 5):
+        return f"the same command then ends with {code}: {err[-1500:]}"
+    if any(path.read_bytes() != content for path, content in inputs.items()):
+        return "an input was changed"
+    return truth.check(folder)
+
+
 @contextlib.contextmanager
 def started(command: list[str], folder: Path, **environment: str) -> Iterator[subprocess.Popen[str]]:
     """A command in a session of its own; nothing of it stays."""

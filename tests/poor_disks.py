@@ -109,17 +109,12 @@ def attacked(how: str, name: str, seed: int, folder: Path, truth: jobs.Truth) ->
     truth.job.make(folder)
     (folder / "runs").mkdir()
     mount(folder / "runs", f"size={_ROOMY}")
-    inputs = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    inputs = jobs.inputs_of(folder)
     code, text, told = DISKS[how](truth, folder, generator)
     told = f"{how}, {name}, {told}"
     if not jobs.is_fine(code, text):
         return f"{told}: {code}: {text[-1500:]}"
-    code, text = jobs.run(truth.job, folder)
-    if code not in (0, 5):
-        return f"{told}: the same command then ends with {code}: {text[-1500:]}"
-    if any(path.read_bytes() != content for path, content in inputs.items()):
-        return f"{told}: an input was changed"
-    other = truth.check(folder)
+    other = jobs.ends_well(truth, folder, inputs)
     return f"{told}: {other}" if other else ""
 
 

@@ -81,6 +81,7 @@ def attacked(how, seed, truths, folder):
     generator = np.random.default_rng([LOSSES.index(how), seed])
     truth = truths[list(jobs.JOBS)[seed % 3]]
     truth.job.make(folder)
+    inputs = jobs.inputs_of(folder)
     (folder / "cluster").mkdir()
     after = float(generator.uniform(0.2, 2)) * truth.seconds
     told = f"{how}, {truth.name}, after {after:.2f} s"
@@ -102,8 +103,7 @@ def attacked(how, seed, truths, folder):
             return f"{told}: {process.returncode}: {err[-1500:]}"
         if how.startswith("a ") and process.returncode not in (0, 5):
             return f"{told}: the other worker does not go on: {process.returncode}: {err[-1500:]}"
-    code, err = jobs.run(truth.job, folder)
-    other = truth.check(folder) if code in (0, 5) else f"then {code}: {err[-1500:]}"
+    other = jobs.ends_well(truth, folder, inputs)
     return f"{told}: {other}" if other else ""
 
 

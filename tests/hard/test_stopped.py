@@ -34,7 +34,7 @@ def attacked(number, seed, truths, folder):
     name, backend = list(jobs.JOBS)[seed % 3], jobs.BACKENDS[seed // 3 % 3]
     truth = truths[name]
     truth.job.make(folder)
-    inputs = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+    inputs = jobs.inputs_of(folder)
     for _ in range(int(generator.integers(1, 3))):
         whole_group, mark = bool(generator.integers(2)), uuid4().hex
         after = float(generator.uniform(0, 1.1 if backend != "dask" else 2)) * truth.seconds
@@ -49,12 +49,7 @@ def attacked(number, seed, truths, folder):
                 return f"{told}: {process.returncode}: {err[-1500:]}"
             if left := jobs.orphans(mark):
                 return f"{told}: {len(left)} processes go on"
-    code, err = jobs.run(truth.job, folder, backend)
-    if code not in (0, 5):
-        return f"{told}: the same command then ends with {code}: {err[-1500:]}"
-    if any(path.read_bytes() != content for path, content in inputs.items()):
-        return f"{told}: an input was changed"
-    other = truth.check(folder)
+    other = jobs.ends_well(truth, folder, inputs, backend)
     return f"{told}: {other}" if other else ""
 
 
