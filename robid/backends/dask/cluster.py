@@ -21,6 +21,7 @@ import dask
 from distributed import Client, KilledWorker, LocalCluster
 from distributed.deploy.spec import SpecCluster
 from distributed.system import MEMORY_LIMIT
+from distributed.utils import LoopRunner
 from distributed.versions import VersionMismatchWarning
 
 from robid.backends.dask.exchange import Exchange, Packer, remove_left, shared_folder
@@ -38,9 +39,11 @@ from robid.backends.dask.worker import (
 )
 from robid.backends.threads import ONE_THREAD, environment
 from robid.errors import BackendError, SettingsError, WorkerError
+from robid.interrupts import deaf_children
 
 if TYPE_CHECKING:
     from distributed import Client, Future
+    from tornado.ioloop import IOLoop
 
 
 SILENT = logging.CRITICAL + 1
@@ -324,6 +327,7 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
     with environment({**ONE_THREAD, **_QUIET}), dask.config.set({**_LOCAL, **scratch}), ExitStack() as stack:
         try:
             cluster = LocalCluster(
+                loop=stack.enter_context(_loop()),
                 n_workers=workers,
                 threads_per_worker=1,
                 processes=True,
@@ -346,6 +350,18 @@ def _local(workers: int, exchange: Exchange) -> Iterator[tuple[Client, str]]:
         except BaseException:
             _kill(cluster)
             raise
+
+
+@contextmanager
+def _loop() -> Iterator[IOLoop]:
+    """Dask's loop in a thread that hears no interrupts: workers inherit that, from before their first line on."""
+    runner = LoopRunner()
+    with deaf_children():
+        runner.start()
+    try:
+        yield runner.loop
+    finally:
+        runner.stop()
 
 
 def _abandon() -> None:

@@ -260,6 +260,8 @@ def _refusal(file: Path, name: LogFormat, answer: dict[str, Any]) -> DataError:
         what = f"D060 The log cannot be read as {title}: it looks like {FORMATS[told].title}."
         return DataError(what, where=str(file), remedy=f"Set `format: {told}`, or leave it out.")
     remedy = answer.get("remedy") or f"Check that it is {title} and that it was copied completely."
+    if file.suffix == ".h5":
+        remedy += " If it is an artifact of a run folder: delete it, `robid run EXPERIMENT.yaml` makes it again."
     error = DataError(f"D061 The log cannot be read as {title} ({answer['error']}).", where=str(file), remedy=remedy)
     error.add_note(answer.get("trace", ""))
     return error

@@ -126,6 +126,18 @@ def test_interrupts_are_left_to_the_client(ordered: Map) -> None:
     assert set(ordered(backend_tasks.slow_process_id, range(8))) == workers
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="what a process blocks is read in /proc")
+def test_workers_are_deaf_from_their_first_line_on_and_the_client_is_not(ordered: Map) -> None:
+    def blocked(process: int) -> int:
+        lines = Path(f"/proc/{process}/status").read_text().splitlines()
+        return int(next(line.split()[1] for line in lines if line.startswith("SigBlk")), 16)
+
+    interrupt = 1 << (signal.SIGINT - 1)
+    for process in set(ordered(backend_tasks.process_id, range(8))):
+        assert blocked(process) & interrupt
+    assert not blocked(os.getpid()) & interrupt
+
+
 def test_a_task_whose_worker_ends_is_done_again_on_another_one(ordered: Map, tmp_path: Path) -> None:
     notes = [str(tmp_path / str(index)) for index in range(2)]
     first, second = ordered(backend_tasks.die_once, notes)
