@@ -358,9 +358,12 @@ def _loop() -> Iterator[IOLoop]:
     runner = LoopRunner()
     with deaf_children():
         runner.start()
+    loop = runner.loop
     try:
-        yield runner.loop
+        yield loop
     finally:
+        # What a cluster that did not get up leaves in it ends in errors that nobody waits for.
+        loop.asyncio_loop.set_exception_handler(lambda *_: None)
         runner.stop()
 
 
