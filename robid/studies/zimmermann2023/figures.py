@@ -10,8 +10,8 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.artifacts.kinds import DESIGN, design_from_artifact, from_datasets
 from robid.artifacts.store import read_artifact
+from robid.design.configurations.exchange import Exchange, Information
 from robid.design.configurations.information import ConfigurationDesign
-from robid.design.configurations.plan import Exchange
 from robid.design.configurations.visits import Visits, make_visits
 from robid.pipeline.graph import Run
 from robid.studies.settings.study import ZimmermannStudy
@@ -103,7 +103,8 @@ def _optimal(candidates: Visits, visits: int) -> FloatArray:
     """As many visits as tell most, shared out by exchange; few do not determine everything."""
     count, size = candidates.alone.shape[1], candidates.alone.shape[-1]
     base = _FLOOR * candidates.once.sum(axis=1)
-    problem = Exchange("d", candidates, base, visits, visits, True, np.ones(count), float(visits), size)
+    objective = Information("d", candidates, base, size)
+    problem = Exchange(objective, visits, visits, True, np.ones(count), float(visits))
     return _told(candidates, problem.improved(problem.greedy(np.zeros(count, int))))
 
 

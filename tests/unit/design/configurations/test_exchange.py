@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from design_systems import as_counts, make_exchange, random_parts
-from robid.design.configurations.criteria import worth
-from robid.design.configurations.plan import best_exchange, efficient_rounding
+from robid.design.configurations.exchange import best_exchange, efficient_rounding
 from robid.design.configurations.relaxed import relaxed_design
 from robid.design.configurations.visits import merged
 
@@ -100,5 +99,5 @@ def test_choice_for_a_fits_own_weights_against_brute_force():
     problem = make_exchange(parts, 3)
     counts = best_exchange(problem, np.ones(10), restarts=6, seed=1)
     every = (as_counts(one, 10) for one in combinations(range(10), 3))
-    best = max(float(worth("d", merged(problem.total(one)))) for one in every)
+    best = max(problem.worth(one) for one in every)
     assert problem.worth(counts) >= 0.98 * best
