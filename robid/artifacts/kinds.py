@@ -41,6 +41,7 @@ Schema history:
         1.2: `cost_s`, `stability`.
         1.3: `joint_units`, where joints are prismatic.
         1.4: `between_relative_std`, what parameters may differ by between configurations; `information` is without it.
+        1.5: criterion `prediction`; `alternatives`, what other choices would give.
     task:
         1.0: first version.
 """
@@ -194,7 +195,7 @@ def _without_none(hint: object) -> tuple[object, bool]:
 EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 RECORD = Kind("record", "2.2", "robid simulate-or-acquire")
 FRF = Kind("frf", "2.3", "robid estimate-frf")
-DESIGN = Kind("design", "1.4", "robid design-configs")
+DESIGN = Kind("design", "1.5", "robid design-configs")
 TASK = Kind("task", "1.0", "robid study")
 
 

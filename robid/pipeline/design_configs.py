@@ -12,12 +12,14 @@ from rich.console import Group
 from robid.artifacts.kinds import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import visit_cost_s
-from robid.design.configurations.information import ConfigurationDesign, Trial, design_configurations, stability
+from robid.design.configurations.information import ConfigurationDesign, Trial, stability
+from robid.pipeline.design_comparison import alternatives, choose
 from robid.pipeline.design_information import gather_information
+from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table
-from robid.report.design import design_tables, stability_sentence
+from robid.report.design import design_tables, stability_sentence, worth_phrase
 from robid.report.design_numbers import design_numbers
 from robid.report.numbers import percent
 from robid.settings.load import LoadedExperiment
@@ -33,29 +35,22 @@ def run(job: Job) -> str:
         robot = job.loaded.robot.to_robot(campaign.payload_kg)
         cost = visit_cost_s(robot, found.configurations, visit_s(job.loaded, campaign), design.joint_speed_share)
     options = design.options()
-    choice = design_configurations(
-        found.matrices,
-        found.configurations,
-        found.names,
-        options,
-        prior=found.prior,
-        cost=cost,
-        fitted=found.fitted,
-        between=found.between,
-    )
+    parts = gather_prediction(job, found.between) if options.criterion == "prediction" else None
+    choice = choose(found, options, cost, parts)
     # Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean.
     mean = found.matrices.mean(axis=0)
     trials = [Trial(way[side], way[1 - side]) for way in found.halves for side in (0, 1)]
     if not len(found.halves) and len(found.matrices) > 1:
         trials = [Trial(draw, mean) for draw in found.matrices]
     repeated = None
-    if trials and found.fitted is None:
+    if trials and found.fitted is None and options.criterion != "prediction":
         source = "realizations" if len(found.halves) else "draws"
         repeated = stability(source, trials, choice, options, found.prior, cost, found.between)
-    if found.fitted is not None:
+    if found.fitted is not None and options.criterion != "prediction":
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
+    choice = replace(choice, alternatives=alternatives(job, found, choice, parts))
     write_artifact(job.output, design_to_artifact(choice, job.provenance()))
     return choice_phrase(choice)
 
@@ -63,13 +58,13 @@ def run(job: Job) -> str:
 def choice_phrase(choice: ConfigurationDesign) -> str:
     """Says what was chosen, in a phrase."""
     deviation = 100 * float(np.median(choice.predicted_relative_std))
-    worth = f"{choice.criterion.upper()}-efficiency {percent(choice.efficiency)}"
-    if np.isnan(choice.rounding_loss):
-        worth = f"for the weights of a fit, which reaches {percent(choice.efficiency)} of what optimal weights could"
     text = (
-        f"{len(choice.chosen)} of {counted(len(choice.configurations), 'configuration')}, {worth},"
+        f"{len(choice.chosen)} of {counted(len(choice.configurations), 'configuration')}, {worth_phrase(choice)},"
         f" predicted deviation {deviation:.2g} % (median)"
     )
+    error = {each.way: each.prediction_error for each in choice.alternatives}
+    if error:
+        text += f", expected prediction error {percent(error[choice.criterion])} (random {percent(error['random'])})"
     return text if choice.stability is None else f"{text}; {stability_sentence(choice.stability)}"
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL
 from robid.artifacts.store import read_artifact, read_outline
@@ -83,6 +83,16 @@ class CandidateInformation:
     # (n_param,): deviation of each log-parameter between configurations.
     between: FloatArray = field(default_factory=lambda: np.zeros(0))
 
+    def take(self, candidates: IntArray) -> CandidateInformation:
+        """The same of some candidates."""
+        return replace(
+            self,
+            matrices=self.matrices[:, candidates],
+            configurations=self.configurations[candidates],
+            halves=self.halves[:, :, candidates],
+            fitted=None if self.fitted is None else self.fitted.take(candidates),
+        )
+
 
 @dataclass(frozen=True)
 class _Task:
@@ -92,14 +102,18 @@ class _Task:
 
 
 @dataclass(frozen=True)
-class _Assumed(_Task):
+class AssumedTask(_Task):
+    """Some candidates, by assumed errors."""
+
     configurations: FloatArray
     frequency_hz: FloatArray
     sampling_period_s: float
 
 
 @dataclass(frozen=True)
-class _Measured(_Task):
+class MeasuredTask(_Task):
+    """One candidate, by its response."""
+
     frf: Path
     row: int
     pooled: int
@@ -115,10 +129,8 @@ def gather_information(job: Job) -> CandidateInformation:
         DataError: If a covariance has no inverse.
     """
     design = job.loaded.experiment.designs[job.owner]
-    robot, delay, knowledge = _point(job, design)
-    robots = tuple(_drawn(robot, about_options(job.loaded.experiment, design)))
-    measured = design.information == "measured"
-    tasks: Sequence[_Task] = _measured(job, robots, delay) if measured else _assumed(job, robots, delay)
+    knowledge = _point(job, design)[2]
+    tasks, measured = design_tasks(job), design.information == "measured"
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
     made: Callable[[Any], CandidateInformation] = _measured_information if measured else _assumed_information
     found = job.map(made, tasks, lambda _index, _result: job.progress.advance())
@@ -132,6 +144,16 @@ def gather_information(job: Job) -> CandidateInformation:
         prior=None if knowledge is None else knowledge.about(names),
         between=_between(job, design, names),
     )
+
+
+def design_tasks(job: Job, candidates: IntArray | None = None) -> Sequence[AssumedTask | MeasuredTask]:
+    """Tasks of all candidates of a design, or of some."""
+    design = job.loaded.experiment.designs[job.owner]
+    robot, delay, _ = _point(job, design)
+    robots = tuple(_drawn(robot, about_options(job.loaded.experiment, design)))
+    if design.information == "measured":
+        return _measured(job, robots, delay, candidates)
+    return _assumed(job, robots, delay, candidates)
 
 
 def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
@@ -183,27 +205,28 @@ def _drawn(robot: Robot, about: InformationOptions) -> Iterable[Robot]:
     return (true_robot(robot, replace(draw, seed=int(seed))) for seed in seeds)
 
 
-def _assumed(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Assumed]:
+def _assumed(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray | None) -> list[AssumedTask]:
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
-    candidates = configurations_of(job.loaded, campaign, job.inputs)
+    every = configurations_of(job.loaded, campaign, job.inputs)
+    candidates = every if some is None else every[some]
     period = campaign_sampling_s(job.loaded, campaign)
     frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
     parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
     about = about_options(job.loaded.experiment, design)
-    return [_Assumed(robots, about, delay, part, frequency_hz, period) for part in parts]
+    return [AssumedTask(robots, about, delay, part, frequency_hz, period) for part in parts]
 
 
-def _measured(job: Job, robots: tuple[Robot, ...], delay: float) -> list[_Measured]:
+def _measured(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray | None) -> list[MeasuredTask]:
     experiment = job.loaded.experiment
     design = experiment.designs[job.owner]
     pooled = experiment.campaigns[design.campaign].estimate.pooled_lines
     path, fit = job.inputs["frf"], fit_options(experiment, design)
-    rows = range(read_outline(path, FRF).n_rows)
+    rows = range(read_outline(path, FRF).n_rows) if some is None else some.tolist()
     weights = None if fit is None else fit_weights(path, fit)
     about = about_options(experiment, design)
     return [
-        _Measured(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
+        MeasuredTask(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
         for row in rows
     ]
 
@@ -218,9 +241,9 @@ def _joined(parts: Sequence[FittedInformation], axis: int) -> FittedInformation 
     return FittedInformation(bread, meat, best, parts[0].precision)
 
 
-def _assumed_information(task: _Assumed) -> CandidateInformation:
+def _assumed_information(task: AssumedTask) -> CandidateInformation:
     about, size = task.about, len(task.robots[0].joints)
-    weights = _weights(about.weights, task.frequency_hz, size, size)
+    weights = element_weights(about.weights, task.frequency_hz, size, size)
     found = [
         candidate_information(
             robot,
@@ -240,11 +263,11 @@ def _assumed_information(task: _Assumed) -> CandidateInformation:
     return CandidateInformation(matrices, names, task.configurations, np.zeros((0, 2, *matrices.shape[1:])), None)
 
 
-def _measured_information(task: _Measured) -> CandidateInformation:
+def _measured_information(task: MeasuredTask) -> CandidateInformation:
     about = task.about
     left_out = UNREAD if task.fit is None else (*UNREAD, "realization_error")
     frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=left_out))
-    importance = None if task.fit else _weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
+    importance = None if task.fit else element_weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])[None]
 
     def information(robot: Robot, response: Frf) -> tuple[FloatArray, tuple[str, ...]]:
         return measured_information(
@@ -256,7 +279,7 @@ def _measured_information(task: _Measured) -> CandidateInformation:
             fixed=about.fixed,
             weights=importance,
             model_error=about.model_error,
-            prior_decades=_prior_decades(task.fit),
+            prior_decades=prior_decades(task.fit),
         )
 
     found = [information(robot, frf) for robot in task.robots]
@@ -270,13 +293,13 @@ def _measured_information(task: _Measured) -> CandidateInformation:
     return CandidateInformation(matrices, names, frf.configurations, np.array(ways).reshape(shape), _fitted(task, frf))
 
 
-def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
+def _fitted(task: MeasuredTask, frf: Frf) -> FittedInformation | None:
     """What the fit that the design is for makes of one candidate, under each draw."""
     about, options, weights = task.about, task.fit, task.weights
     if options is None or weights is None:
         return None
     if not options.correct_torques:
-        frf = replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_relative_std=np.zeros(0))
+        frf = without_torques(frf)
     correlated = options.weights.kind == "optimal_full"
     found = [
         fitted_information(
@@ -290,19 +313,24 @@ def _fitted(task: _Measured, frf: Frf) -> FittedInformation | None:
             nuisance=about.along(),
             fixed=about.fixed,
             model_error=max(about.model_error, float(assumed_error(options.weights))),
-            prior_decades=_prior_decades(options),
+            prior_decades=prior_decades(options),
         )[0]
         for robot in task.robots
     ]
     return _joined(found, axis=0)
 
 
-def _weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:
+def without_torques(frf: Frf) -> Frf:
+    """A response whose compensated torques are taken for granted."""
+    return replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_relative_std=np.zeros(0))
+
+
+def element_weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:
     """Weights (n_freq, n_out, n_in)."""
     element = np.where(np.eye(n_out, n_in) > 0, 1.0, weights.off_diagonal)
     return np.asarray(element * (frequency_hz >= weights.low_cut_hz)[:, None, None])
 
 
-def _prior_decades(fit: ElasticOptions | None) -> float:
+def prior_decades(fit: ElasticOptions | None) -> float:
     """What the fit takes as known of springs, dampers and link inertias; nothing without one [decades]."""
     return math.inf if fit is None else fit.prior_decades

@@ -56,11 +56,13 @@ def design_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     section = f"campaigns.{design.campaign}"
     cost: tuple[Part, ...] = ("motor_limits",) if design.cost == "travel" else ()
     along = about_options(loaded.experiment, design).along()
-    rotors: tuple[Part, ...] = ("inertia_std",) if "motor_inertia" in along else ()
+    predicts = design.criterion == "prediction"
+    rotors: tuple[Part, ...] = ("inertia_std",) if "motor_inertia" in along or predicts else ()
+    doubts: tuple[Part, ...] = ("doubts",) if predicts else ()
     settings = {
         f"designs.{owner}": loaded.plain["designs"][owner],
         f"{section}.payload_kg": campaign.payload_kg,
-        **robot_settings(loaded, "mechanics", "range", "timing", *cost, *rotors),
+        **robot_settings(loaded, "mechanics", "range", "timing", *cost, *rotors, *doubts),
     }
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)

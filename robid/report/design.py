@@ -15,6 +15,19 @@ _MM = 1e3
 _NO_WEIGHT = 1e-4
 
 
+def _whose(design: ConfigurationDesign) -> str:
+    return ("" if design.criterion == "prediction" else "parameters' ") + _CRITERIA[design.criterion]
+
+
+def worth_phrase(design: ConfigurationDesign) -> str:
+    """Says how near a choice is to the best one."""
+    share = percent(design.efficiency)
+    if design.criterion == "prediction":
+        return f"no choice has less than {share} of its mean square error"
+    bound = "what optimal weights could give" if np.isnan(design.rounding_loss) else "the best that there is"
+    return f"worth {share} of {bound}"
+
+
 def skeleton_figure(
     points_m: FloatArray, weights: FloatArray, names: tuple[str, ...], candidates_m: FloatArray | None = None
 ) -> Skeletons:
@@ -63,7 +76,21 @@ def _triples(points: FloatArray) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in points)
 
 
-_CRITERIA = {"d": "volume (D)", "a": "mean variance (A)", "e": "worst combination (E)"}
+_CRITERIA = {
+    "d": "volume (D)",
+    "a": "mean variance (A)",
+    "e": "worst combination (E)",
+    "prediction": "error in predicted responses (prediction)",
+}
+_WAYS = {
+    "d": "criterion d",
+    "a": "criterion a",
+    "e": "criterion e",
+    "prediction": "criterion prediction",
+    "random": "random, median",
+    "random_best": "random, best tenth",
+    "random_worst": "random, worst tenth",
+}
 _OTHER = {"realizations": "half of the realizations", "draws": "single draws of the parameters"}
 _NEXT = 5
 
@@ -85,7 +112,8 @@ def next_best(design: ConfigurationDesign) -> list[int]:
 
 def design_tables(design: ConfigurationDesign) -> tuple[Table, ...]:
     """Lays out what was chosen, how good it is, what it promises, and what to measure next."""
-    return (_chosen(design), _quality(design), _promised(design), _next(design))
+    others = (alternative_table(design),) if design.alternatives else ()
+    return (_chosen(design), _quality(design), _promised(design), *others, _next(design))
 
 
 def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -> Section:
@@ -104,14 +132,9 @@ def design_section(name: str, design: ConfigurationDesign, arms_m: FloatArray) -
         ),
         weight_figure(design.weights, every),
         information_figure(design.told, design.parameter_names, names),
+        *((alternative_figure(design),) if design.alternatives else ()),
     )
-    bound = (
-        "what optimal weights of the data could give" if np.isnan(design.rounding_loss) else "the best that there is"
-    )
-    lead = (
-        f"{len(names)} of {len(every)} candidates, made to keep the parameters'"
-        f" {_CRITERIA[design.criterion]} small; worth {percent(design.efficiency)} of {bound}."
-    )
+    lead = f"{len(names)} of {len(every)} candidates, made to keep the {_whose(design)} small; {worth_phrase(design)}."
     return Section(f"Design {name}", lead, (*design_tables(design), *figures))
 
 
@@ -133,12 +156,13 @@ def _chosen(design: ConfigurationDesign) -> Table:
 
 
 def _quality(design: ConfigurationDesign) -> Table:
+    worth = "Bound on the mean square error" if design.criterion == "prediction" else "Efficiency"
     rows = [
         ("Criterion", _CRITERIA[design.criterion]),
         ("Certified gap of the weights", significant(design.gap, 2)),
         ("Candidates with weight", str(int((design.weights > 0).sum()))),
-        ("Efficiency against any weights", percent(design.efficiency)),
-        ("Efficiency against as many configurations", percent(design.choice_efficiency)),
+        (f"{worth} against any weights", percent(design.efficiency)),
+        (f"{worth} against as many configurations", percent(design.choice_efficiency)),
         *((("Lost by whole numbers", percent(design.rounding_loss)),) if np.isfinite(design.rounding_loss) else ()),
     ]
     if design.stability is not None:
@@ -150,6 +174,51 @@ def _quality(design: ConfigurationDesign) -> Table:
         ("Quality of the choice", "Value"),
         tuple(rows),
         caption="No weights of the candidates are worth more than 1 + gap times the optimal ones found.",
+    )
+
+
+def alternative_table(design: ConfigurationDesign) -> Table:
+    """Lays out what as many configurations would give by each way to choose them."""
+    heads = ("Chosen by", "Springs", "Worst", "Prediction", "By noise", "By what the model lacks")
+    rows = tuple(
+        (
+            _WAYS[each.way] + (" (this one)" if each.way == design.criterion else ""),
+            *(
+                percent(value)
+                for value in (
+                    each.relative_std,
+                    each.worst_relative_std,
+                    each.prediction_error,
+                    each.noise_error,
+                    each.bias_error,
+                )
+            ),
+        )
+        for each in design.alternatives
+    )
+    return Table(
+        heads,
+        rows,
+        title="What as many configurations give",
+        caption="Springs: root mean square and largest of the parameters' relative deviations. Prediction: expected"
+        " relative error of the candidates' responses, by the priors of what the robot file may have wrong when the"
+        " choice was made. Criteria d, a and e serve a model whose springs are wanted, prediction one that predicts.",
+    )
+
+
+def alternative_figure(design: ConfigurationDesign) -> Bars:
+    """Shows the same: deviations of the springs and errors of predictions."""
+    return Bars(
+        title="What as many configurations give",
+        value_title="Relative deviation [%]",
+        labels=tuple(_WAYS[each.way] for each in design.alternatives),
+        parts=(
+            ("springs", tuple(100 * each.relative_std for each in design.alternatives)),
+            ("prediction", tuple(100 * each.prediction_error for each in design.alternatives)),
+        ),
+        flat=True,
+        label_title="Chosen by",
+        caption="Root mean square of the springs' relative deviations, and of the predicted responses' relative error.",
     )
 
 
@@ -177,6 +246,10 @@ def _next(design: ConfigurationDesign) -> Table:
         gain, chosen = significant(float(design.gain[index])), "yes" if index in design.chosen else "no"
         rows.append((number_of(index), *_written(design, index), gain, chosen))
     caption = "Gain of log det by one visit more: beyond the earlier fit where one is named, else beyond the choice."
+    if design.criterion == "prediction":
+        caption = (
+            "Gain: share of the mean square error of predictions that one visit more takes off, beyond the choice."
+        )
     return Table(("Measure next", *_joints(design), "Gain", "Chosen"), tuple(rows), caption=caption)
 
 

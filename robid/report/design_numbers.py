@@ -30,8 +30,25 @@ class NextNumbers:
     """A candidate whose visit would add much."""
 
     candidate: Annotated[int, Meaning("Its number, from 1.")]
-    gain: Annotated[float, Meaning("What one experiment more of it adds to log det of the information.")]
+    gain: Annotated[
+        float,
+        Meaning(
+            "What one more experiment adds to log det of the information, or takes off predictions' mean square error."
+        ),
+    ]
     chosen: Annotated[bool, Meaning("Whether it is among the chosen ones.")]
+
+
+@dataclass(frozen=True)
+class WayNumbers:
+    """What one way to choose as many configurations gives."""
+
+    way: Annotated[str, Meaning("A criterion, or `random`, `random_best`, `random_worst`: median, best, worst tenth.")]
+    relative_std: Annotated[float, Meaning("Root mean square of the parameters' relative deviations.")]
+    worst_relative_std: Annotated[float, Meaning("The largest of them.")]
+    prediction_error: Annotated[float, Meaning("Expected relative error of predicted responses, root mean square.")]
+    noise_error: Annotated[float, Meaning("The part that noise and what differs between configurations have.")]
+    bias_error: Annotated[float, Meaning("The part that what the model lacks has.")]
 
 
 @dataclass(frozen=True)
@@ -61,6 +78,9 @@ class DesignNumbers:
         dict[str, float] | None, Meaning("Deviation between configurations that was allowed for, by parameter.")
     ]
     next_best: Annotated[tuple[NextNumbers, ...], Meaning("Candidates whose visit adds most, the best first.")]
+    alternatives: Annotated[
+        tuple[WayNumbers, ...], Meaning("What as many configurations give by each criterion and at random.")
+    ]
     stability: Annotated[StabilityNumbers | None, Meaning("How much of it would come out the same.")]
 
 
@@ -83,6 +103,7 @@ def design_numbers(design: ConfigurationDesign) -> DesignNumbers:
         next_best=tuple(
             NextNumbers(index + 1, float(design.gain[index]), index in design.chosen) for index in next_best(design)
         ),
+        alternatives=tuple(WayNumbers(**vars(each)) for each in design.alternatives),
         stability=told,
     )
 

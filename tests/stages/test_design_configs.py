@@ -353,3 +353,36 @@ def test_fewer_configurations_than_the_parameters_need(fresh, count, texts):
     fresh.change("count: 14, rms: 6", "count: 1, rms: 6", file=FILE)
     fresh.change(BEST, f"best: {{campaign: candidates, {count}, weights: {{off_diagonal: 0}}}}", file=FILE)
     refused(fresh, 4, *texts, command=CHOOSE)
+
+
+@pytest.mark.parametrize("information", ["measured", "assumed"])
+def test_a_choice_for_prediction_is_the_best_of_all_pairs(chosen, information):
+    """Every pair of six candidates is chosen in turn, each judged by the same command."""
+    chosen.change(
+        "designs:\n",
+        f"designs:\n  far: {{campaign: candidates, count: 2, criterion: prediction, information: {information},"
+        " free: [stiffness]}\n",
+        file=FILE,
+    )
+    answer = chosen.robid("design-configs", FILE, "--design", "far")
+    assert answer.code == 0, answer.err
+    design = design_of(chosen, "far")
+    by_way = {each.way: each for each in design.alternatives}
+    assert set(by_way) == {"d", "a", "e", "prediction", "random", "random_best", "random_worst"}
+    assert by_way["prediction"].prediction_error <= min(each.prediction_error for each in design.alternatives) * 1.001
+    assert design.efficiency <= 1
+    assert by_way["prediction"].bias_error > 0
+    told = chosen.robid("design-configs", FILE, "--design", "far", "--json").json["design"]
+    assert {row["way"]: row["prediction_error"] for row in told["alternatives"]} == {
+        way: each.prediction_error for way, each in by_way.items()
+    }
+
+
+def test_a_choice_for_prediction_is_stale_with_what_the_robot_file_may_have_wrong(chosen):
+    chosen.change("designs:\n", "designs:\n  far: {campaign: candidates, count: 2, criterion: prediction}\n", file=FILE)
+    chosen.robid("design-configs", FILE, "--design", "far")
+    assert chosen.states()["designs/far.h5"][0] == "fresh"
+    text = (chosen.folder / "arm.yaml").read_text()
+    (chosen.folder / "arm.yaml").write_text(text + "\ndoubts: {mass_relative_std: 0.2}\n")
+    assert chosen.states()["designs/far.h5"][0] == "stale"
+    assert chosen.states()["designs/best.h5"][0] == "fresh"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray, check_shape
+from robid.arrays import BoolArray, ComplexArray, FloatArray, check_shape
 from robid.design.configurations.options import ALONG
 from robid.errors import SettingsError
 from robid.robot.derivatives import jacobian
@@ -137,6 +137,25 @@ def candidate_information(
         Zimmermann et al. (2023), eq. 4-5 with `Lambda = relative_error^2` of the log response.
     """
     wanted = choose_parameters(robot, kinds, nuisance, fixed)
+    relative = relative_derivatives(robot, configurations, frequency_hz, sampling_period_s, delay_s, wanted)
+    if weights is not None:
+        relative = relative * np.sqrt(weights)[..., None]
+    rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
+    # Complex residuals have two real parts of half the variance each: 2 Re(J^H J).
+    information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
+    matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
+    return np.array(matrices), wanted.names
+
+
+def relative_derivatives(
+    robot: Robot,
+    configurations: FloatArray,
+    frequency_hz: FloatArray,
+    sampling_period_s: float,
+    delay_s: float,
+    wanted: ParametersOfInterest,
+) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_estimated) of the log response by log-parameters and nuisances."""
     model = build_model(robot)
     linear = linearize(model, solve_statics(model, configurations))
     nominal = nominal_parameters(robot, linear, delay_s)
@@ -147,14 +166,8 @@ def candidate_information(
     # Joints that do not move each other, as lift and elbow of a SCARA, have an element of nothing but rounding.
     size = np.abs(result.sampled)
     is_there = size > _ROUNDING * size.max(axis=(-2, -1), keepdims=True)
-    relative = np.divide(scaled, result.sampled[..., None], out=np.zeros_like(scaled), where=is_there[..., None])
-    if weights is not None:
-        relative = relative * np.sqrt(weights)[..., None]
-    rows = relative.reshape(len(configurations), -1, relative.shape[-1]) / relative_error
-    # Complex residuals have two real parts of half the variance each: 2 Re(J^H J).
-    information = 2 * np.real(rows.conj().swapaxes(1, 2) @ rows)
-    matrices = [eliminated([each], wanted.precision, len(wanted.names))[0] for each in information]
-    return np.array(matrices), wanted.names
+    where = np.broadcast_to(is_there[..., None], scaled.shape)
+    return np.asarray(np.divide(scaled, result.sampled[..., None], out=np.zeros_like(scaled), where=where))
 
 
 def visit_cost_s(robot: Robot, configurations: FloatArray, measuring_s: float, speed_share: float) -> FloatArray:

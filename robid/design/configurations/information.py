@@ -10,6 +10,7 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray, IntArray, Quantity, check_shape
+from robid.design.configurations.comparison import Alternative
 from robid.design.configurations.criteria import (
     check_different,
     check_finite,
@@ -45,7 +46,7 @@ class ConfigurationDesign:
     # Certificate of the weights: no others are worth more than `1 + gap` times as much; for `d` without prior
     # `(max tr(M^-1 H_i) - n) / n`
     gap: float
-    criterion: str  # What was made the most of: `d`, `a` or `e`
+    criterion: str  # What was made the most of: `d`, `a`, `e` or `prediction`
     slopes: Annotated[FloatArray, Quantity("1", "candidate", _SLOPES)]
     chosen: Annotated[IntArray, Quantity("1", "configuration", "Indices of the chosen candidates")]
     counts: Annotated[IntArray, Quantity("1", "candidate", "Experiments in each candidate")]
@@ -71,6 +72,8 @@ class ConfigurationDesign:
     stability: Stability | None = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
     between_relative_std: Annotated[FloatArray | None, Quantity("1", "parameter", _BETWEEN)] = None
+    # What as many configurations would give by each criterion and at random; empty where it was not computed
+    alternatives: Annotated[tuple[Alternative, ...], Quantity("1", "way")] = ()
 
     @property
     def own_units(self) -> dict[str, str]:
@@ -174,7 +177,7 @@ def design_configurations(
         # The other criteria depend on the parameters' scale: that of the log-parameters stays.
         scale = np.full(n_param, scale.mean())
         for draw in draws:
-            check_spread(known + draw.mean(axis=0), options.criterion)
+            check_spread(known + draw.mean(axis=0), options.of_information)
     plan = _plan(visits, known, scale, fitted, options, price, experiments, budget)
     if fitted is not None:
         every = np.ones(n_conf, int)
@@ -334,4 +337,4 @@ def stability(
 
 def _worth(counts: IntArray, visits: Visits, options: DesignOptions, prior: FloatArray | None) -> float:
     total = visits.total(counts)[:, 0] + (0.0 if prior is None else prior)
-    return float(worth(options.criterion, total))
+    return float(worth(options.of_information, total))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any
@@ -60,7 +60,7 @@ class _Errors:
         return 0.5 * (total + total.T)
 
 
-class _Derivatives:
+class Derivatives:
     """Derivatives of the residual by log-parameters and nuisances, and its covariance, one configuration each."""
 
     def __init__(self, robot: Robot, frf: Frf, delay_s: float, model_error: float, *wanted: Any) -> None:  # noqa: ANN401
@@ -157,7 +157,7 @@ def measured_information(
     Source:
         Zimmermann et al. (2023), eq. 4; docs/methods, sec. 4 and 6.
     """
-    derivatives = _Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
+    derivatives = Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
     freedom, n_out = frf.degrees_of_freedom, frf.response.shape[2]
     _check_freedom(frf)
     importance = _importance(frf, weights)
@@ -217,10 +217,41 @@ def fitted_information(
     Source:
         Wernholt and Moberg (2008), eq. 5, and its logarithmic forms.
     """
-    derivatives = _Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
-    _check_freedom(frf)
+    derivatives = Derivatives(robot, frf, delay_s, model_error, kinds, nuisance, fixed, prior_decades)
     found = []
-    for index, weight in enumerate(_importance(frf, weights)):
+    for row in weighted_rows(derivatives, weights, whitening, residual):
+        n_all = row.own.shape[-1]
+        # Sandwich of the fit: bread J^H W J, meat J^H W Lambda W J (docs/methods, sec. 5).
+        pull = row.weighted.reshape(-1, n_all).conj().T
+        bread = 2 * np.real(pull @ row.own.reshape(-1, n_all))
+        found.append((bread, row.meat(), row.best))
+    bread, meat, best = (np.array(part)[None] for part in zip(*found, strict=True))
+    return FittedInformation(bread, meat, best, derivatives.precision), derivatives.names
+
+
+@dataclass(frozen=True)
+class WeightedRow:
+    """Derivatives of one configuration's residual, weighted as in a fit."""
+
+    own: ComplexArray  # (n_freq, n_element, n_all) By the parameters
+    weighted: ComplexArray  # (n_freq, n_element, n_all) The same, weighted: `W J`
+    best: FloatArray  # (n_all, n_all) Information by optimal weights
+    errors: _Errors
+
+    def meat(self) -> FloatArray:
+        """Covariance (n_all, n_all) of the scores by noise, `2 Re J^H W Lambda W J`."""
+        n_all, weighted = self.own.shape[-1], self.weighted
+        moved = self.errors.covariance() @ weighted
+        meat = 2 * np.real(weighted.reshape(-1, n_all).conj().T @ moved.reshape(-1, n_all))
+        return np.asarray(meat + self.errors.between(weighted))
+
+
+def weighted_rows(
+    derivatives: Derivatives, weights: FloatArray, whitening: ComplexArray | None, residual: Residual
+) -> Iterator[WeightedRow]:
+    """Derivatives of each configuration, by the arguments of `fitted_information`."""
+    _check_freedom(derivatives.frf)
+    for index, weight in enumerate(_importance(derivatives.frf, weights)):
         own, errors = derivatives.at(index, residual)
         best = _best(own, errors, np.ones_like(weight))[1]
         own = residual.part(own)
@@ -229,14 +260,7 @@ def fitted_information(
         else:
             # W'W J, so that correlated weights enter bread and meat as they do in the fit.
             weighted = whitening[index].conj().swapaxes(1, 2) @ (whitening[index] @ own)
-        n_all = own.shape[-1]
-        # Sandwich of the fit: bread J^H W J, meat J^H W Lambda W J (docs/methods, sec. 5).
-        bread = 2 * np.real(own.reshape(-1, n_all).conj().T @ weighted.reshape(-1, n_all))
-        moved = errors.covariance() @ weighted
-        meat = 2 * np.real(weighted.reshape(-1, n_all).conj().T @ moved.reshape(-1, n_all)) + errors.between(weighted)
-        found.append((bread, meat, best))
-    bread, meat, best = (np.array(part)[None] for part in zip(*found, strict=True))
-    return FittedInformation(bread, meat, best, derivatives.precision), derivatives.names
+        yield WeightedRow(own, weighted, best, errors)
 
 
 def _best(own: ComplexArray, errors: _Errors, weight: FloatArray) -> tuple[ComplexArray, FloatArray]:

@@ -9,10 +9,13 @@ from typing import Literal, get_args
 import numpy as np
 
 from robid.arrays import FloatArray, group, option
+from robid.design.configurations.criteria import Criterion
 from robid.robot.parameters import FREE, OF_SPRINGS, LogarithmicKind, ResponseNuisance
 
 ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
 """Kinds that are estimated along unless something else is said."""
+
+CriterionName = Literal["d", "a", "e", "prediction"]
 
 NuisanceKind = Literal[LogarithmicKind, ResponseNuisance]
 
@@ -22,10 +25,11 @@ class DesignOptions:
     """Choice of the configurations that tell most about the parameters."""
 
     count: int = option(8, "Number of different configurations to choose, at most.", ge=1, le=10_000)
-    criterion: Literal["d", "a", "e"] = option(
+    criterion: CriterionName = option(
         "d",
         "Minimised quantity: the volume of the parameters' confidence region (`d`), the sum of their relative "
-        "variances (`a`), or the largest variance of any combination (`e`).",
+        "variances (`a`), the largest variance of any combination (`e`), or the expected error of predicted responses "
+        "(`prediction`). The first three serve a model whose springs are wanted, the last one a model that predicts.",
     )
     experiments: int | None = option(
         None,
@@ -43,6 +47,17 @@ class DesignOptions:
     seed: int = option(1, "Seed of these starts.", ge=0)
     iterations: int = option(1000, "Limit on steps towards the optimal weights.", ge=1, le=10_000_000)
     gap: float = option(1e-8, "Certified relative gap at which they stop; 1e-4 at best for `e`.", gt=0)
+
+    @property
+    def of_information(self) -> Criterion:
+        """The criterion, of information alone.
+
+        Raises:
+            ValueError: If it is `prediction`.
+        """
+        if self.criterion == "prediction":
+            raise ValueError("Argument `options` must have a criterion of information, but has `prediction`.")
+        return self.criterion
 
 
 @dataclass(frozen=True)

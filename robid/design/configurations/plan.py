@@ -57,7 +57,7 @@ class ConfigurationPlan:
 
     def worth(self, counts: IntArray) -> float:
         """Worth of some numbers of experiments."""
-        return float(worth(self.options.criterion, self.totals(counts)))
+        return float(worth(self.options.of_information, self.totals(counts)))
 
     def bound(self, found: Relaxed) -> float:
         """What no numbers of experiments within the weights' limits are worth more than."""
@@ -94,7 +94,9 @@ class ConfigurationPlan:
     def _relaxed(self, matrices: FloatArray, prior: FloatArray, limit: float) -> Relaxed:
         wanted, prior = self.options, prior / self.budget
         ends = {"gap": wanted.gap, "limit": limit}
-        return relaxed_design(matrices, criterion=wanted.criterion, iterations=wanted.iterations, prior=prior, **ends)
+        return relaxed_design(
+            matrices, criterion=wanted.of_information, iterations=wanted.iterations, prior=prior, **ends
+        )
 
 
 def checked_plan(options: DesignOptions, cost: FloatArray) -> tuple[int, float]:
@@ -147,7 +149,7 @@ def _exchange(plan: ConfigurationPlan, relaxed: Relaxed, pool: IntArray) -> Exch
         visits = np.full(visits.size, visits.mean())
     base = plan.base + _FLOOR * np.einsum("i,dipjk->dpjk", visits, plan.visits.once)
     return Exchange(
-        objective=Information(plan.options.criterion, plan.visits.take(pool), base, plan.wanted),
+        objective=Information(plan.options.of_information, plan.visits.take(pool), base, plan.wanted),
         experiments=plan.experiments,
         distinct=plan.options.count,
         repeats=plan.options.experiments is not None,

@@ -112,6 +112,12 @@ class FittedInformation:
     best: FloatArray
     precision: FloatArray  # (n_all,) What is known of each parameter beforehand, over its variance
 
+    def take(self, candidates: IntArray) -> FittedInformation:
+        """The same of some candidates."""
+        return FittedInformation(
+            self.bread[:, candidates], self.meat[:, candidates], self.best[:, candidates], self.precision
+        )
+
     def scaled(self, wanted: FloatArray) -> FittedInformation:
         """The same over scales: (n_wanted,) of the first parameters, and what is natural to the others."""
         own = np.diagonal(self.bread, axis1=2, axis2=3).mean(axis=(0, 1)) + self.precision

@@ -1,0 +1,68 @@
+"""What a choice of configurations gives beside those by other criteria and at random."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from robid.arrays import IntArray
+from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.prediction import ExpectedError
+
+_DRAWS = 100  # Random choices
+_SEED = 1
+_FIGURES = ("relative_std", "worst_relative_std", "prediction_error", "noise_error", "bias_error")
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """What one way to choose as many configurations would give."""
+
+    way: str  # A criterion, or `random`, `random_best` and `random_worst`: median, and one in ten better or worse
+    relative_std: float  # Root mean square of the wanted parameters' relative deviations, noise and scatter
+    worst_relative_std: float  # The largest one
+    prediction_error: float  # Root mean square relative error that is expected of predicted responses
+    noise_error: float  # The part of it that noise and what differs between configurations have
+    bias_error: float  # The part that what the model lacks has
+
+
+def alternative(way: str, error: ExpectedError, counts: IntArray, wanted: int) -> Alternative:
+    """What numbers of experiments (n_cand,) give of the first parameters, and of the prediction."""
+    noise, bias = error.errors(counts)
+    variance = np.diagonal(error.covariance(counts), axis1=-2, axis2=-1).mean(axis=0)[:wanted]
+    std = np.sqrt([variance.mean(), variance.max()]).tolist()
+    return Alternative(way, *std, *np.sqrt([noise + bias, noise, max(bias, 0.0)]).tolist())
+
+
+def random_alternatives(error: ExpectedError, count: int, experiments: int, wanted: int) -> tuple[Alternative, ...]:
+    """The same of configurations drawn at random, their visits shared out evenly: median, best and worst tenth."""
+    generator, size = np.random.default_rng(_SEED), error.parts.bread.shape[1]
+    found = []
+    for _ in range(_DRAWS):
+        drawn = generator.choice(size, min(count, size), replace=False)
+        counts = np.zeros(size, int)
+        np.add.at(counts, drawn[np.arange(experiments) % drawn.size], 1)
+        found.append(alternative("random", error, counts, wanted))
+    ways = {"random": 0.5, "random_best": 0.1, "random_worst": 0.9}
+    values = {name: [getattr(each, name) for each in found] for name in _FIGURES}
+    return tuple(
+        Alternative(way, **{name: float(np.quantile(values[name], share)) for name in _FIGURES})
+        for way, share in ways.items()
+    )
+
+
+def compare(
+    chosen: Mapping[str, Callable[[], IntArray]], error: ExpectedError, options: DesignOptions, wanted: int
+) -> tuple[Alternative, ...]:
+    """What each way to choose gives, and random choices of as many.
+
+    Args:
+        chosen: Numbers of experiments (n_cand,) by each way.
+        error: What is expected of them.
+        options: How many configurations and experiments.
+        wanted: Number of parameters that the choice is about.
+    """
+    own = tuple(alternative(way, error, choose(), wanted) for way, choose in chosen.items())
+    return (*own, *random_alternatives(error, options.count, options.experiments or options.count, wanted))
