@@ -17,6 +17,7 @@ from robid.commands.fit_try import TryAnswer
 from robid.commands.init import InitAnswer
 from robid.commands.inspect import ArtifactAnswer
 from robid.commands.log_answer import LogAnswer
+from robid.commands.next_visit import NextAnswer
 from robid.commands.output import Answer, ErrorAnswer
 from robid.commands.reprocess import BatchAnswer, DryRunAnswer, RowAnswer
 from robid.commands.run import RunAnswer, StageAnswer
@@ -28,6 +29,7 @@ from robid.pipeline.chain import STAGES
 
 ANSWERS: dict[str, tuple[type[Answer], ...]] = {
     **{stage.name: (StageAnswer,) for stage in STAGES},
+    "design-configs": (StageAnswer, NextAnswer),
     "fit": (StageAnswer, TryAnswer),
     "run": (RunAnswer, RunDryRunAnswer),
     "reprocess": (BatchAnswer, RowAnswer, DryRunAnswer),

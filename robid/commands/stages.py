@@ -25,6 +25,8 @@ _TRY = (
     " --output says where. Can be repeated."
 )
 
+_NEXT = "Say which candidate to visit next after this fit, and what that would bring; writes nothing."
+
 
 def stage_command(stage: Stage) -> Callable[..., int]:
     """Returns what runs a stage; its signature has the options that the stage knows."""
@@ -49,6 +51,9 @@ def stage_command(stage: Stage) -> Callable[..., int]:
         force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
         strict: Strict = False,
         tried: Annotated[list[str] | None, typer.Option("--try", metavar="NAME", help=_TRY)] = None,
+        after: Annotated[
+            str | None, typer.Option("--next", metavar="FIT", help=_NEXT, autocompletion=names_in("fits"))
+        ] = None,
         as_json: AsJson = False,
         backend: Backend = None,
         workers: Workers = None,
@@ -63,6 +68,13 @@ def stage_command(stage: Stage) -> Callable[..., int]:
             check_try({"--input": inputs, "--strict": strict})
             opened = open_run(experiment, run_dir, backend, workers, scheduler)
             return try_freeing(opened, owner, tried, output, force=force, as_json=as_json)
+        if after:
+            from robid.commands.next_visit import check_next, propose_next
+
+            check_next({"--input": inputs, "--output": output, "--force": force})
+            return propose_next(
+                open_run(experiment, run_dir, backend, workers, scheduler), owner, after, as_json=as_json
+            )
         from robid.commands.run import run_stage
 
         run = open_run(experiment, run_dir, backend, workers, scheduler)
@@ -77,4 +89,6 @@ def stage_command(stage: Stage) -> Callable[..., int]:
 def _foreign_to(stage: Stage) -> set[str]:
     """Options that a stage does not know: what is the whole experiment's has one owner, only fits are graded."""
     foreign = {"owner"} if stage.owned_by == "experiment" else set()
-    return foreign | ({"strict"} if stage.owned_by != "fit" else set()) | ({"tried"} if stage.name != "fit" else set())
+    foreign |= {"strict"} if stage.owned_by != "fit" else set()
+    foreign |= {"after"} if stage.owned_by != "design" else set()
+    return foreign | ({"tried"} if stage.name != "fit" else set())

@@ -14,7 +14,7 @@ from robid.design.configurations.for_prediction import design_for_prediction
 from robid.design.configurations.information import ConfigurationDesign, design_configurations
 from robid.design.configurations.options import CriterionName, DesignOptions
 from robid.design.configurations.prediction import ExpectedError, PredictionParts
-from robid.pipeline.design_information import CandidateInformation
+from robid.pipeline.design_information import CandidateInformation, design_tasks
 from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.stage import Job
 
@@ -42,7 +42,7 @@ def alternatives(
     if size > _COMPARED:
         others = np.random.default_rng(options.seed).permutation(np.setdiff1d(some, choice.chosen))
         some = np.sort(np.concatenate([choice.chosen, others[: max(_COMPARED - choice.chosen.size, 0)]]))
-    own = gather_prediction(job, found.between, some) if parts is None else parts.take(some)
+    own = gather_prediction(job, design_tasks(job, some), found.between) if parts is None else parts.take(some)
     less, cost = found.take(some), None if choice.cost_s is None else choice.cost_s[some]
 
     def by(criterion: CriterionName) -> IntArray:

@@ -14,7 +14,7 @@ from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import visit_cost_s
 from robid.design.configurations.information import ConfigurationDesign, Trial, stability
 from robid.pipeline.design_comparison import alternatives, choose
-from robid.pipeline.design_information import gather_information
+from robid.pipeline.design_information import design_tasks, gather_information
 from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
@@ -35,7 +35,8 @@ def run(job: Job) -> str:
         robot = job.loaded.robot.to_robot(campaign.payload_kg)
         cost = visit_cost_s(robot, found.configurations, visit_s(job.loaded, campaign), design.joint_speed_share)
     options = design.options()
-    parts = gather_prediction(job, found.between) if options.criterion == "prediction" else None
+    predicts = options.criterion == "prediction"
+    parts = gather_prediction(job, design_tasks(job), found.between) if predicts else None
     choice = choose(found, options, cost, parts)
     # Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean.
     mean = found.matrices.mean(axis=0)
@@ -43,10 +44,10 @@ def run(job: Job) -> str:
     if not len(found.halves) and len(found.matrices) > 1:
         trials = [Trial(draw, mean) for draw in found.matrices]
     repeated = None
-    if trials and found.fitted is None and options.criterion != "prediction":
+    if trials and found.fitted is None and not predicts:
         source = "realizations" if len(found.halves) else "draws"
         repeated = stability(source, trials, choice, options, found.prior, cost, found.between)
-    if found.fitted is not None and options.criterion != "prediction":
+    if found.fitted is not None and not predicts:
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)

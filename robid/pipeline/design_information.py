@@ -142,7 +142,7 @@ def gather_information(job: Job) -> CandidateInformation:
         halves=np.concatenate([each.halves for each in found], axis=2),
         fitted=_joined([each.fitted for each in found if each.fitted is not None], axis=1),
         prior=None if knowledge is None else knowledge.about(names),
-        between=_between(job, design, names),
+        between=between_std(job, design, names),
     )
 
 
@@ -156,17 +156,18 @@ def design_tasks(job: Job, candidates: IntArray | None = None) -> Sequence[Assum
     return _assumed(job, robots, delay, candidates)
 
 
-def _between(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
-    """Deviation (n_param,) of each log-parameter between configurations: an earlier fit's, or that of the settings."""
+def between_std(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
+    """Deviation (n_param,) of each log-parameter between configurations: an earlier fit's, else the settings'."""
+    stated = design.between_relative_std.of(names)
     if design.between is None:
-        return design.between_relative_std.of(names)
+        return stated
     solution = solution_from_artifact(read_artifact(job.inputs["between"], MODEL))
     if solution.effective is None:
         message = f"D194 Fit `{design.between}` does not tell how far parameters differ between configurations"
         remedy = "Name a fit of four configurations or more, or state `between_relative_std`."
         raise DataError(f"{message}: it has fewer than four.", where="between", remedy=remedy)
     found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
-    return np.array([found[name] for name in names])
+    return np.array([found.get(name, own) for name, own in zip(names, stated.tolist(), strict=True)])
 
 
 @dataclass(frozen=True)
@@ -209,7 +210,18 @@ def _assumed(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray |
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
     every = configurations_of(job.loaded, campaign, job.inputs)
-    candidates = every if some is None else every[some]
+    return _assumed_at(job, robots, delay, every if some is None else every[some])
+
+
+def tasks_at(job: Job, configurations: FloatArray) -> Sequence[AssumedTask]:
+    """Tasks of other configurations (n_conf, n_joint) [rad] than a design's own, by assumed errors."""
+    robot, delay, _ = _point(job, job.loaded.experiment.designs[job.owner])
+    return _assumed_at(job, (robot,), delay, configurations)
+
+
+def _assumed_at(job: Job, robots: tuple[Robot, ...], delay: float, candidates: FloatArray) -> list[AssumedTask]:
+    design = job.loaded.experiment.designs[job.owner]
+    campaign = job.loaded.experiment.campaigns[design.campaign]
     period = campaign_sampling_s(job.loaded, campaign)
     frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
     parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]

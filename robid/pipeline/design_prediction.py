@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.candidates import choose_parameters
@@ -25,7 +25,6 @@ from robid.pipeline.design_information import (
     UNREAD,
     AssumedTask,
     MeasuredTask,
-    design_tasks,
     element_weights,
     prior_decades,
     without_torques,
@@ -46,13 +45,13 @@ class _Part:
     between: FloatArray  # (n_wanted,) Deviation of each wanted parameter between configurations
 
 
-def gather_prediction(job: Job, between: FloatArray, candidates: IntArray | None = None) -> PredictionParts:
-    """Computes what all candidates, or some, add to a fit, and how a model of them predicts all of these.
+def gather_prediction(job: Job, tasks: Sequence[AssumedTask | MeasuredTask], between: FloatArray) -> PredictionParts:
+    """Computes what candidates add to a fit, and how a model predicts all of them; parameters differ by (n_param,).
 
     Raises:
         DataError: If a covariance has no inverse.
     """
-    parts = [_Part(task, between) for task in design_tasks(job, candidates)]
+    parts = [_Part(task, between) for task in tasks]
     job.progress.expect(len(parts), "predictions")
     made: Callable[[Any], tuple[PredictionParts, int]] = _made
     found = job.map(made, parts, lambda _index, _result: job.progress.advance())

@@ -179,7 +179,7 @@ def _quality(design: ConfigurationDesign) -> Table:
 
 def alternative_table(design: ConfigurationDesign) -> Table:
     """Lays out what as many configurations would give by each way to choose them."""
-    heads = ("Chosen by", "Springs", "Worst", "Prediction", "By noise", "By what the model lacks")
+    heads = ("Chosen by", "Median", "Worst", "Prediction", "By noise", "By what the model lacks")
     rows = tuple(
         (
             _WAYS[each.way] + (" (this one)" if each.way == design.criterion else ""),
@@ -200,25 +200,26 @@ def alternative_table(design: ConfigurationDesign) -> Table:
         heads,
         rows,
         title="What as many configurations give",
-        caption="Springs: root mean square and largest of the parameters' relative deviations. Prediction: expected"
+        caption="Median and worst: of the parameters' relative deviations. Prediction: expected"
         " relative error of the candidates' responses, by the priors of what the robot file may have wrong when the"
         " choice was made. Criteria d, a and e serve a model whose springs are wanted, prediction one that predicts.",
     )
 
 
 def alternative_figure(design: ConfigurationDesign) -> Bars:
-    """Shows the same: deviations of the springs and errors of predictions."""
+    """Shows the same: deviations of the parameters and errors of predictions."""
     return Bars(
         title="What as many configurations give",
         value_title="Relative deviation [%]",
         labels=tuple(_WAYS[each.way] for each in design.alternatives),
         parts=(
-            ("springs", tuple(100 * each.relative_std for each in design.alternatives)),
+            ("parameters", tuple(100 * each.relative_std for each in design.alternatives)),
             ("prediction", tuple(100 * each.prediction_error for each in design.alternatives)),
         ),
         flat=True,
         label_title="Chosen by",
-        caption="Root mean square of the springs' relative deviations, and of the predicted responses' relative error.",
+        caption="Median of the parameters' relative deviations, and the predicted responses' relative error (root mean"
+        " square).",
     )
 
 

@@ -44,7 +44,7 @@ class WayNumbers:
     """What one way to choose as many configurations gives."""
 
     way: Annotated[str, Meaning("A criterion, or `random`, `random_best`, `random_worst`: median, best, worst tenth.")]
-    relative_std: Annotated[float, Meaning("Root mean square of the parameters' relative deviations.")]
+    relative_std: Annotated[float, Meaning("Median of the parameters' relative deviations.")]
     worst_relative_std: Annotated[float, Meaning("The largest of them.")]
     prediction_error: Annotated[float, Meaning("Expected relative error of predicted responses, root mean square.")]
     noise_error: Annotated[float, Meaning("The part that noise and what differs between configurations have.")]

@@ -30,6 +30,7 @@ _SMALL = {
 CASES = {
     **{(name, "stage"): (name, "small.yaml", *options) for name, options in _SMALL.items()},
     ("fit", "fit-try"): ("fit", "small.yaml", "--try", "masses"),
+    ("design-configs", "design-next"): ("design-configs", "small.yaml", "--next", "elastic"),
     ("run", "run"): ("run", "small.yaml"),
     ("run", "run-dry-run"): ("run", "small.yaml", "--dry-run"),
     ("study", "study"): ("study", "study.yaml"),

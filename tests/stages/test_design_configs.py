@@ -386,3 +386,44 @@ def test_a_choice_for_prediction_is_stale_with_what_the_robot_file_may_have_wron
     (chosen.folder / "arm.yaml").write_text(text + "\ndoubts: {mass_relative_std: 0.2}\n")
     assert chosen.states()["designs/far.h5"][0] == "stale"
     assert chosen.states()["designs/best.h5"][0] == "fresh"
+
+
+def test_the_visit_after_a_fit_is_proposed_and_nothing_is_written(chosen):
+    before = chosen.files()
+    command = ("design-configs", FILE, "--design", "assumed", "--next", "later")
+    told = chosen.robid(*command, "--json").json
+    by_purpose = {row["purpose"]: row for row in told["next"]}
+    assert set(by_purpose) == {"parameters", "prediction"}
+    # A second configuration helps, whatever it is for; each proposal is the better one for its own purpose.
+    errors = {name: row["after"]["prediction_error"] for name, row in by_purpose.items()}
+    assert errors["prediction"] <= errors["parameters"]
+    assert errors["prediction"] < told["now"]["prediction_error"]
+    frf = frf_from_artifact(read_artifact(chosen.runs / "candidates/frf.h5", FRF))
+    for row in told["next"]:
+        place = np.deg2rad(row["positions"])
+        np.testing.assert_allclose(frf.configurations[row["candidate"] - 1], place, atol=1e-9)
+    assert chosen.files() == before
+    shown = chosen.robid(*command)
+    assert shown.code == 0
+    assert str(by_purpose["prediction"]["candidate"]) in shown.out
+
+
+def test_where_no_visit_helps_it_is_said(chosen):
+    """All candidates were visited once: any again would count it more than the others that are to be predicted."""
+    command = ("design-configs", FILE, "--design", "assumed", "--next", "places")
+    told = chosen.robid(*command, "--json").json
+    assert "prediction" not in {row["purpose"] for row in told["next"]}
+    assert "none" in chosen.robid(*command).out
+
+
+def test_a_visit_is_proposed_only_after_a_fit_that_is_there(chosen):
+    answer = chosen.robid("design-configs", FILE, "--design", "best", "--next", "none")
+    assert answer.code == 2
+    assert "places" in answer.err
+    answer = chosen.robid("design-configs", FILE, "--design", "best", "--next", "places", "--force")
+    assert answer.code == 2
+    assert "S603" in answer.err
+    shutil.rmtree(chosen.runs / "fits/places")
+    answer = chosen.robid("design-configs", FILE, "--design", "best", "--next", "places")
+    assert answer.code == 3
+    assert "robid fit" in answer.err

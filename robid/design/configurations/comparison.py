@@ -21,7 +21,7 @@ class Alternative:
     """What one way to choose as many configurations would give."""
 
     way: str  # A criterion, or `random`, `random_best` and `random_worst`: median, and one in ten better or worse
-    relative_std: float  # Root mean square of the wanted parameters' relative deviations, noise and scatter
+    relative_std: float  # Median of the wanted parameters' relative deviations, noise and scatter
     worst_relative_std: float  # The largest one
     prediction_error: float  # Root mean square relative error that is expected of predicted responses
     noise_error: float  # The part of it that noise and what differs between configurations have
@@ -32,7 +32,7 @@ def alternative(way: str, error: ExpectedError, counts: IntArray, wanted: int) -
     """What numbers of experiments (n_cand,) give of the first parameters, and of the prediction."""
     noise, bias = error.errors(counts)
     variance = np.diagonal(error.covariance(counts), axis1=-2, axis2=-1).mean(axis=0)[:wanted]
-    std = np.sqrt([variance.mean(), variance.max()]).tolist()
+    std = np.sqrt([np.median(variance), variance.max()]).tolist()
     return Alternative(way, *std, *np.sqrt([noise + bias, noise, max(bias, 0.0)]).tolist())
 
 
@@ -66,3 +66,39 @@ def compare(
     """
     own = tuple(alternative(way, error, choose(), wanted) for way, choose in chosen.items())
     return (*own, *random_alternatives(error, options.count, options.experiments or options.count, wanted))
+
+
+@dataclass(frozen=True)
+class NextVisit:
+    """The configuration whose visit helps most, for one purpose."""
+
+    purpose: str  # `parameters`: least volume of the parameters' confidence region; `prediction`: least expected error
+    candidate: int  # Its index
+    after: Alternative  # What there is with it
+
+
+def next_visits(
+    error: ExpectedError, visited: IntArray, wanted: int, offered: int
+) -> tuple[Alternative, tuple[NextVisit, ...]]:
+    """What some numbers of experiments (n_cand,) give, and for each purpose the candidate that helps most, if any.
+
+    Args:
+        error: What is expected of them.
+        visited: Numbers of experiments that were made.
+        wanted: Number of parameters, the first ones, that are wanted.
+        offered: Number of candidates, the first ones, that may be visited.
+    """
+    every = np.arange(offered)
+    counts = visited + np.eye(offered, visited.size, dtype=int)
+    volumes = [_log_volume(error, each, wanted) for each in counts]
+    best = {"parameters": int(np.argmin(volumes)), "prediction": int(np.argmax(error.with_each(visited, every)))}
+    now = alternative("now", error, visited, wanted)
+    found = [NextVisit(purpose, at, alternative(purpose, error, counts[at], wanted)) for purpose, at in best.items()]
+    # A visit where many were made may draw the fit away from the others.
+    helps = min(volumes) < _log_volume(error, visited, wanted), found[1].after.prediction_error < now.prediction_error
+    return now, tuple(each for each, good in zip(found, helps, strict=True) if good)
+
+
+def _log_volume(error: ExpectedError, counts: IntArray, wanted: int) -> float:
+    covariance = error.covariance(counts)[:, :wanted, :wanted]
+    return float(np.linalg.slogdet(covariance)[1].mean())

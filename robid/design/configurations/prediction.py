@@ -73,6 +73,14 @@ def joined(parts: Sequence[PredictionParts], counts: Sequence[int]) -> Predictio
     return PredictionParts(precision=parts[0].precision, **found)
 
 
+def with_further(parts: PredictionParts, further: PredictionParts) -> PredictionParts:
+    """Parts of more candidates, whose own responses are not among those to predict."""
+    names = ("bread", "noise", "best", "apart", "lacking")
+    return replace(
+        parts, **{name: np.concatenate([getattr(each, name) for each in (parts, further)], axis=1) for name in names}
+    )
+
+
 def parts_of_one(
     own: ComplexArray,
     weighted: ComplexArray,

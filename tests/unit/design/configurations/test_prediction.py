@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from design_systems import as_counts
-from robid.design.configurations.comparison import alternative, random_alternatives
+from robid.design.configurations.comparison import alternative, next_visits, random_alternatives
 from robid.design.configurations.for_prediction import PredictionPlan, design_for_prediction
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.predicted import Lacking, stacked
@@ -17,6 +17,7 @@ from robid.design.configurations.prediction import (
     parts_of_one,
     predicted_means,
     second_moment_root,
+    with_further,
 )
 from robid.errors import DataError
 
@@ -185,3 +186,22 @@ def test_amounts_of_one_configuration_go_row_by_row():
     columns = np.arange(2 * 3 * 2 * 2 * 4).reshape(2, 3, 2, 2, 4).astype(complex)
     lacking = Lacking(columns, np.ones(4), np.zeros(4), np.zeros(4))
     assert lacking.at(1)[2, 3].tolist() == columns[1, 2, 1, 1].tolist()
+
+
+def test_the_next_visit_is_the_best_of_all_that_are_offered():
+    """One configuration that was visited is no candidate: it counts, is not offered, and is not to be predicted."""
+    own, further = columns_of(9, 60)
+    parts = with_further(parts_of(own[:8], further[:8]), parts_of(own[8:], further[8:]))
+    error = ExpectedError(parts, parts.known(None))
+    visited = as_counts([2, 2, 8], 9)
+    now, best = next_visits(error, visited, 2, 8)
+    assert now.prediction_error**2 == pytest.approx(sum(error.errors(visited)))
+    after = [visited + as_counts([at], 9) for at in range(8)]
+    by_purpose = {each.purpose: each for each in best}
+    squares = [sum(error.errors(each)) for each in after]
+    volumes = [np.linalg.det(error.covariance(each)[0, :2, :2]) for each in after]
+    assert by_purpose["prediction"].candidate == int(np.argmin(squares))
+    assert by_purpose["parameters"].candidate == int(np.argmin(volumes))
+    assert by_purpose["prediction"].after.prediction_error ** 2 == pytest.approx(min(squares))
+    alone = parts_of(own[:8], further[:8])
+    np.testing.assert_array_equal(parts.own, alone.own)
