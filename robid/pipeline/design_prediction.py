@@ -62,14 +62,15 @@ def _made(part: _Part) -> tuple[PredictionParts, int]:
     task = part.task
     if isinstance(task, MeasuredTask):
         return _measured(task, part.between), 1
-    return _assumed(task, part.between), len(task.configurations)
+    return assumed_parts(task, part.between), len(task.configurations)
 
 
 _LINES = 20
 """Lines that are looked at, at least: errors of predictions are means over all of them."""
 
 
-def _assumed(task: AssumedTask, between: FloatArray) -> PredictionParts:
+def assumed_parts(task: AssumedTask, between: FloatArray) -> PredictionParts:
+    """Computes what some candidates add to a fit by assumed errors, and how a model predicts all of these."""
     about, robot = task.about, task.robots[0]
     step = max(1, task.frequency_hz.size // _LINES)
     task = replace(task, frequency_hz=task.frequency_hz[::step])
@@ -156,8 +157,4 @@ def _lacking(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> L
         nothing = np.zeros(0)
         return Lacking(np.zeros((*frf.response.shape, 0), complex), nothing, nothing, nothing)
     least = np.array([each.least for each in found.nuisances])
-    # A logarithm does not grow as its derivative does: beside a zero of the response, what may be off by more than the
-    # response itself counts as about as large as that.
-    square = (np.abs(found.columns) ** 2) @ (found.common_std**2 + found.cluster_std**2)
-    columns = found.columns / np.sqrt(1 + square)[..., None]
-    return Lacking(columns, found.common_std, found.cluster_std, least)
+    return Lacking(found.columns, found.common_std, found.cluster_std, least)

@@ -34,6 +34,14 @@ class Lacking:
         columns = self.columns[index]
         return np.asarray(columns.reshape(len(columns), -1, columns.shape[-1]))
 
+    def share(self, index: int) -> FloatArray:
+        """Share (n_freq, n_element) of its weight that each element of one configuration keeps.
+
+        A logarithm does not grow as its derivative does: beside a zero of the response, what may be off by more than
+        the response itself says nothing of it, and its error counts as about as large as the response.
+        """
+        return np.asarray(1 / (1 + np.abs(self.at(index)) ** 2 @ (self.std**2 + self.cluster_std**2)))
+
     @property
     def root(self) -> FloatArray:
         """What makes independent amounts of unit variance into these, see `second_moment_root`."""
@@ -71,7 +79,7 @@ def assumed_prediction(
     found = []
     for index, row in enumerate(own):
         j = row.reshape(len(row), -1, row.shape[-1])
-        importance = weights.reshape(len(row), -1)
+        importance = weights.reshape(len(row), -1) * lacking.share(index)
         pull = (importance / relative_error**2)[..., None] * j
         bread = 2 * np.real(pull.reshape(-1, j.shape[-1]).conj().T @ j.reshape(-1, j.shape[-1]))
         local = parts_of_one(j, pull, lacking.at(index), lacking.cluster_std, apart)
@@ -105,12 +113,14 @@ def measured_prediction(
     for index, row in enumerate(weighted_rows(derivatives, weights, whitening, residual)):
         n_all, pull = row.own.shape[-1], row.weighted.reshape(-1, row.own.shape[-1]).conj().T
         bread = 2 * np.real(pull @ row.own.reshape(-1, n_all))
-        further = lacking.at(index)
-        scale = residual.per_relative(derivatives.frf.response[index]).reshape(len(further), -1, 1)
-        local = parts_of_one(row.own, row.weighted, residual.part(scale * further), lacking.cluster_std, apart)
+        further, share = lacking.at(index), lacking.share(index)
+        # The fit has its own weights; there, what may be off by more than the response is as large as that.
+        scale = residual.per_relative(derivatives.frf.response[index]).reshape(share.shape) * np.sqrt(share)
+        moved = residual.part(scale[..., None] * further)
+        local = parts_of_one(row.own, row.weighted, moved, lacking.cluster_std, apart)
         # The prediction is judged by relative errors, whatever the fit's residual.
         j = row.own if residual is LOGARITHM else derivatives.at(index)[0]
-        means = predicted_means(j, further, importance.reshape(len(further), -1), lacking.root)
+        means = predicted_means(j, further, importance.reshape(share.shape) * share, lacking.root)
         found.append((bread, row.meat(), row.best, *local, *means))
     return stacked(found, derivatives.precision, lacking.root)
 
