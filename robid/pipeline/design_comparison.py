@@ -15,7 +15,7 @@ from robid.design.configurations.information import ConfigurationDesign, design_
 from robid.design.configurations.options import CriterionName, DesignOptions
 from robid.design.configurations.prediction import ExpectedError, PredictionParts
 from robid.pipeline.design_information import CandidateInformation, design_tasks
-from robid.pipeline.design_prediction import gather_prediction
+from robid.pipeline.design_prediction import gather_prediction, predicted_there
 from robid.pipeline.stage import Job
 
 _COMPARED = 100
@@ -42,7 +42,10 @@ def alternatives(
     if size > _COMPARED:
         others = np.random.default_rng(options.seed).permutation(np.setdiff1d(some, choice.chosen))
         some = np.sort(np.concatenate([choice.chosen, others[: max(_COMPARED - choice.chosen.size, 0)]]))
-    own = gather_prediction(job, design_tasks(job, some), found.between) if parts is None else parts.take(some)
+    if parts is None:
+        own = predicted_there(job, gather_prediction(job, design_tasks(job, some), found.between), found.between)
+    else:
+        own = parts.take(some)
     less, cost = found.take(some), None if choice.cost_s is None else choice.cost_s[some]
 
     def by(criterion: CriterionName) -> IntArray:

@@ -15,7 +15,7 @@ from robid.design.configurations.candidates import visit_cost_s
 from robid.design.configurations.information import ConfigurationDesign, Trial, stability
 from robid.pipeline.design_comparison import alternatives, choose
 from robid.pipeline.design_information import design_tasks, gather_information
-from robid.pipeline.design_prediction import gather_prediction
+from robid.pipeline.design_prediction import gather_prediction, predicted_there
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table
@@ -36,7 +36,9 @@ def run(job: Job) -> str:
         cost = visit_cost_s(robot, found.configurations, visit_s(job.loaded, campaign), design.joint_speed_share)
     options = design.options()
     predicts = options.criterion == "prediction"
-    parts = gather_prediction(job, design_tasks(job), found.between) if predicts else None
+    parts = None
+    if predicts:
+        parts = predicted_there(job, gather_prediction(job, design_tasks(job), found.between), found.between)
     choice = choose(found, options, cost, parts)
     # Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean.
     mean = found.matrices.mean(axis=0)

@@ -21,12 +21,14 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.nuisance.linear import Basis, list_linearised
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import assumed_error, make_whitening
+from robid.pipeline.configurations import configurations_of
 from robid.pipeline.design_information import (
     UNREAD,
     AssumedTask,
     MeasuredTask,
     element_weights,
     prior_decades,
+    tasks_at,
     without_torques,
 )
 from robid.pipeline.stage import Job
@@ -56,6 +58,16 @@ def gather_prediction(job: Job, tasks: Sequence[AssumedTask | MeasuredTask], bet
     made: Callable[[Any], tuple[PredictionParts, int]] = _made
     found = job.map(made, parts, lambda _index, _result: job.progress.advance())
     return joined([each for each, _ in found], [count for _, count in found])
+
+
+def predicted_there(job: Job, parts: PredictionParts, between: FloatArray) -> PredictionParts:
+    """Parts whose responses to predict are in the configurations that a design names, where it names some."""
+    name = job.loaded.experiment.designs[job.owner].predict_at
+    if name is None:
+        return parts
+    places = configurations_of(job.loaded, job.loaded.experiment.campaigns[name], {})
+    there = gather_prediction(job, tasks_at(job, places), between)
+    return replace(parts, own=there.own, mixed=there.mixed, whole=there.whole)
 
 
 def _made(part: _Part) -> tuple[PredictionParts, int]:

@@ -66,6 +66,9 @@ def design_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     }
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)
+    if predicts and design.predict_at is not None:
+        configurations = loaded.plain["campaigns"][design.predict_at]["configurations"]
+        settings[f"campaigns.{design.predict_at}.configurations"] = configurations
     inputs = {} if design.prior is None else {"model": f"fits/{design.prior}/model.h5"}
     if design.between is not None:
         inputs["between"] = f"fits/{design.between}/model.h5"

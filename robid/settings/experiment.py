@@ -239,6 +239,12 @@ class Design(CostOptions, InformationOptions, DesignOptions):
         "replace user weights with the design's `off_diagonal` and `low_cut_hz`.",
     )
 
+    predict_at: Name | None = option(
+        None,
+        "Campaign in whose configurations the model is to predict; the candidates' when not given. For `criterion: "
+        "prediction`, and the comparison of every design. Lines and payload are the candidates'.",
+    )
+
     def options(self) -> DesignOptions:
         """Returns the options of the algorithm."""
         return part(self, DesignOptions)

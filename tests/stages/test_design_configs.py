@@ -408,14 +408,6 @@ def test_the_visit_after_a_fit_is_proposed_and_nothing_is_written(chosen):
     assert str(by_purpose["prediction"]["candidate"]) in shown.out
 
 
-def test_where_no_visit_helps_it_is_said(chosen):
-    """All candidates were visited once: any again would count it more than the others that are to be predicted."""
-    command = ("design-configs", FILE, "--design", "assumed", "--next", "places")
-    told = chosen.robid(*command, "--json").json
-    assert "prediction" not in {row["purpose"] for row in told["next"]}
-    assert "none" in chosen.robid(*command).out
-
-
 def test_a_visit_is_proposed_only_after_a_fit_that_is_there(chosen):
     answer = chosen.robid("design-configs", FILE, "--design", "best", "--next", "none")
     assert answer.code == 2
@@ -427,3 +419,37 @@ def test_a_visit_is_proposed_only_after_a_fit_that_is_there(chosen):
     answer = chosen.robid("design-configs", FILE, "--design", "best", "--next", "places")
     assert answer.code == 3
     assert "robid fit" in answer.err
+
+
+def test_what_is_to_be_predicted_may_be_elsewhere(chosen):
+    """The expected error is that in the named configurations: in one of the candidates, that one is chosen."""
+    frf = frf_from_artifact(read_artifact(chosen.runs / "candidates/frf.h5", FRF))
+    place = np.rad2deg(frf.configurations[4]).tolist()
+    chosen.change(
+        "designs:\n",
+        "designs:\n  far: {campaign: candidates, count: 1, criterion: prediction, predict_at: there}\n",
+        file=FILE,
+    )
+    chosen.change(
+        "campaigns:\n",
+        f"campaigns:\n  there:\n    configurations: {{list_deg: [{place}]}}\n"
+        "    excitation: {period_s: 0.5, low_hz: 4, high_hz: 80, count: 14, rms: 6, seed: 1}\n",
+        file=FILE,
+    )
+    answer = chosen.robid("design-configs", FILE, "--design", "far")
+    assert answer.code == 0, answer.err
+    assert design_of(chosen, "far").chosen.tolist() == [4]
+
+
+@pytest.mark.parametrize(("name", "code"), [("nowhere", "S605"), ("later_places", "S606")])
+def test_where_to_predict_must_be_stated(chosen, name, code):
+    chosen.change("  best: {", f"  far: {{campaign: candidates, count: 1, predict_at: {name}}}\n  best: {{", file=FILE)
+    chosen.change(
+        "campaigns:\n",
+        "campaigns:\n  later_places:\n    configurations: {from: best}\n"
+        "    excitation: {period_s: 0.5, low_hz: 4, high_hz: 80, count: 14, rms: 6, seed: 1}\n",
+        file=FILE,
+    )
+    answer = chosen.robid("design-configs", FILE, "--design", "far")
+    assert answer.code == 2
+    assert code in answer.err

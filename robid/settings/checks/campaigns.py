@@ -204,6 +204,7 @@ def check_designs(experiment: Experiment, robot: RobotFile | None) -> Found:
             earlier = getattr(design, key)
             if earlier is not None and earlier not in experiment.fits:
                 yield (*field, key), f"S154 there is no fit `{earlier}`; {suggest(earlier, experiment.fits)}"
+        yield from _predicted(field, experiment, design)
         yield from _fit(field, experiment, design)
         if robot is not None:
             yield from _parameters(field, experiment, design, robot)
@@ -241,6 +242,19 @@ def _candidates(field: FieldPath, experiment: Experiment, design: Design) -> Fou
     if design.information == "assumed" and design.weights.mean == "fit":
         message = "S162 a fit's own weights need the responses' covariance: `information: measured`"
         yield (*field, "weights", "mean"), message
+
+
+def _predicted(field: FieldPath, experiment: Experiment, design: Design) -> Found:
+    name, known = design.predict_at, experiment.campaigns
+    if name is None:
+        return
+    if name not in known:
+        yield (*field, "predict_at"), f"S605 there is no campaign `{name}`; {suggest(name, known)}"
+    elif known[name].configurations is None or known[name].designs:
+        message = (
+            f"S606 the configurations of campaign `{name}` are not stated: name one with `random`, a list or a grid"
+        )
+        yield (*field, "predict_at"), message
 
 
 def _fit(field: FieldPath, experiment: Experiment, design: Design) -> Found:

@@ -205,3 +205,16 @@ def test_the_next_visit_is_the_best_of_all_that_are_offered():
     assert by_purpose["prediction"].after.prediction_error ** 2 == pytest.approx(min(squares))
     alone = parts_of(own[:8], further[:8])
     np.testing.assert_array_equal(parts.own, alone.own)
+
+
+def test_a_visit_that_draws_the_fit_away_from_the_rest_is_not_proposed_for_predictions():
+    """What the model lacks moves one parameter to opposite sides in two candidates; after one visit of each, K = 0."""
+    own, noise, rows = np.ones((2, 1, 1)), 1e-4, []
+    for side in (1.0, -1.0):
+        pull, further = own / noise, side * own
+        bread = 2 * np.tensordot(pull, own, ((0, 1), (0, 1)))
+        local = parts_of_one(own, pull, further, np.zeros(1), np.zeros(1))
+        rows.append((bread, bread, bread, *local, *predicted_means(own, further, np.ones((2, 1)), np.eye(1))))
+    parts = stacked(rows, np.zeros(1), np.eye(1))
+    _, best = next_visits(ExpectedError(parts, np.zeros((1, 1))), np.array([1, 1]), 1, 2)
+    assert [each.purpose for each in best] == ["parameters"]
