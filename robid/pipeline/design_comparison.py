@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.comparison import Alternative, compare
 from robid.design.configurations.for_prediction import design_for_prediction
-from robid.design.configurations.information import ConfigurationDesign, design_configurations
+from robid.design.configurations.information import ConfigurationDesign, design_configurations, promised_deviations
 from robid.design.configurations.options import CriterionName, DesignOptions
 from robid.design.configurations.prediction import ExpectedError, PredictionParts
 from robid.pipeline.design_information import CandidateInformation, design_tasks
@@ -55,4 +55,5 @@ def alternatives(
         return choose(less, asked, cost, own if criterion == "prediction" else None).counts
 
     ways = {name: partial(by, name) for name in get_args(CriterionName)}
-    return compare(ways, ExpectedError(own, own.known(found.prior)), options, len(found.names))
+    promised = promised_deviations(less.matrices, found.prior, found.between)
+    return compare(ways, ExpectedError(own, own.known(found.prior)), options, promised)

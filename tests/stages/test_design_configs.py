@@ -368,6 +368,11 @@ def test_a_choice_for_prediction_is_the_best_of_all_pairs(chosen, information):
     assert answer.code == 0, answer.err
     design = design_of(chosen, "far")
     by_way = {each.way: each for each in design.alternatives}
+    own = design_of(chosen, "best")
+    # What a design promises of its parameters is what its row says of them.
+    row = next(each for each in own.alternatives if each.way == own.criterion)
+    assert row.relative_std == pytest.approx(np.median(own.predicted_relative_std), rel=1e-9)
+    assert row.worst_relative_std == pytest.approx(own.predicted_relative_std.max(), rel=1e-9)
     assert set(by_way) == {"d", "a", "e", "prediction", "random", "random_best", "random_worst"}
     assert by_way["prediction"].prediction_error <= min(each.prediction_error for each in design.alternatives) * 1.001
     assert design.efficiency <= 1

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
-from robid.arrays import IntArray
+from robid.arrays import FloatArray, IntArray
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.prediction import ExpectedError
 
@@ -21,22 +22,39 @@ class Alternative:
     """What one way to choose as many configurations would give."""
 
     way: str  # A criterion, or `random`, `random_best` and `random_worst`: median, and one in ten better or worse
-    relative_std: float  # Median of the wanted parameters' relative deviations, noise and scatter
+    relative_std: float  # Median of the wanted parameters' relative deviations
     worst_relative_std: float  # The largest one
     prediction_error: float  # Root mean square relative error that is expected of predicted responses
     noise_error: float  # The part of it that noise and what differs between configurations have
     bias_error: float  # The part that what the model lacks has
 
 
-def alternative(way: str, error: ExpectedError, counts: IntArray, wanted: int) -> Alternative:
-    """What numbers of experiments (n_cand,) give of the first parameters, and of the prediction."""
+Deviations: TypeAlias = Callable[[IntArray], FloatArray]
+"""Relative deviations (n_wanted,) of the parameters by numbers of experiments (n_cand,)."""
+
+
+def fitted_deviations(error: ExpectedError, wanted: int) -> Deviations:
+    """Those of the first parameters in a fit, with what friction and the like add from place to place."""
+
+    def deviations(counts: IntArray) -> FloatArray:
+        variance = np.diagonal(error.covariance(counts), axis1=-2, axis2=-1).mean(axis=0)
+        return np.asarray(np.sqrt(variance[:wanted]))
+
+    return deviations
+
+
+def alternative(way: str, error: ExpectedError, counts: IntArray, deviations: Deviations) -> Alternative:
+    """What numbers of experiments (n_cand,) give of the parameters, and of the prediction."""
     noise, bias = error.errors(counts)
-    variance = np.diagonal(error.covariance(counts), axis1=-2, axis2=-1).mean(axis=0)[:wanted]
-    std = np.sqrt([np.median(variance), variance.max()]).tolist()
-    return Alternative(way, *std, *np.sqrt([noise + bias, noise, max(bias, 0.0)]).tolist())
+    std = deviations(counts)
+    return Alternative(
+        way, float(np.median(std)), float(std.max()), *np.sqrt([noise + bias, noise, max(bias, 0.0)]).tolist()
+    )
 
 
-def random_alternatives(error: ExpectedError, count: int, experiments: int, wanted: int) -> tuple[Alternative, ...]:
+def random_alternatives(
+    error: ExpectedError, count: int, experiments: int, deviations: Deviations
+) -> tuple[Alternative, ...]:
     """The same of configurations drawn at random, their visits shared out evenly: median, best and worst tenth."""
     generator, size = np.random.default_rng(_SEED), error.parts.bread.shape[1]
     found = []
@@ -44,7 +62,7 @@ def random_alternatives(error: ExpectedError, count: int, experiments: int, want
         drawn = generator.choice(size, min(count, size), replace=False)
         counts = np.zeros(size, int)
         np.add.at(counts, drawn[np.arange(experiments) % drawn.size], 1)
-        found.append(alternative("random", error, counts, wanted))
+        found.append(alternative("random", error, counts, deviations))
     ways = {"random": 0.5, "random_best": 0.1, "random_worst": 0.9}
     values = {name: [getattr(each, name) for each in found] for name in _FIGURES}
     return tuple(
@@ -54,7 +72,7 @@ def random_alternatives(error: ExpectedError, count: int, experiments: int, want
 
 
 def compare(
-    chosen: Mapping[str, Callable[[], IntArray]], error: ExpectedError, options: DesignOptions, wanted: int
+    chosen: Mapping[str, Callable[[], IntArray]], error: ExpectedError, options: DesignOptions, deviations: Deviations
 ) -> tuple[Alternative, ...]:
     """What each way to choose gives, and random choices of as many.
 
@@ -62,10 +80,10 @@ def compare(
         chosen: Numbers of experiments (n_cand,) by each way.
         error: What is expected of them.
         options: How many configurations and experiments.
-        wanted: Number of parameters that the choice is about.
+        deviations: What they promise of the parameters.
     """
-    own = tuple(alternative(way, error, choose(), wanted) for way, choose in chosen.items())
-    return (*own, *random_alternatives(error, options.count, options.experiments or options.count, wanted))
+    own = tuple(alternative(way, error, choose(), deviations) for way, choose in chosen.items())
+    return (*own, *random_alternatives(error, options.count, options.experiments or options.count, deviations))
 
 
 @dataclass(frozen=True)
@@ -92,8 +110,9 @@ def next_visits(
     counts = visited + np.eye(offered, visited.size, dtype=int)
     volumes = [_log_volume(error, each, wanted) for each in counts]
     best = {"parameters": int(np.argmin(volumes)), "prediction": int(np.argmax(error.with_each(visited, every)))}
-    now = alternative("now", error, visited, wanted)
-    found = [NextVisit(purpose, at, alternative(purpose, error, counts[at], wanted)) for purpose, at in best.items()]
+    deviations = fitted_deviations(error, wanted)
+    now = alternative("now", error, visited, deviations)
+    found = [NextVisit(way, at, alternative(way, error, counts[at], deviations)) for way, at in best.items()]
     # A visit where many were made may draw the fit away from the others.
     helps = min(volumes) < _log_volume(error, visited, wanted), found[1].after.prediction_error < now.prediction_error
     return now, tuple(each for each, good in zip(found, helps, strict=True) if good)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Annotated
@@ -209,6 +209,25 @@ def design_configurations(
         configurations=configurations,
         between_relative_std=apart if apart.any() else None,
     )
+
+
+def promised_deviations(
+    matrices: FloatArray, prior: FloatArray | None, between: FloatArray
+) -> Callable[[IntArray], FloatArray]:
+    """What numbers of experiments (n_conf,) promise: relative deviations (n_param,), mean variance over the draws.
+
+    Information, prior and between are those of `design_configurations`.
+    """
+    visits = make_visits(matrices[:, :, None], between**2)
+    known = np.zeros(matrices.shape[-2:]) if prior is None else prior
+
+    def deviations(counts: IntArray) -> FloatArray:
+        total = known + visits.total(counts)[:, 0]
+        if not all(is_regular(each) for each in total):
+            return np.full(len(between), np.inf)
+        return np.asarray(np.sqrt(np.diagonal(np.linalg.inv(total), axis1=1, axis2=2).mean(axis=0)))
+
+    return deviations
 
 
 def _plan(

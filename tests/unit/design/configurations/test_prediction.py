@@ -7,7 +7,12 @@ import numpy as np
 import pytest
 
 from design_systems import as_counts
-from robid.design.configurations.comparison import alternative, next_visits, random_alternatives
+from robid.design.configurations.comparison import (
+    alternative,
+    fitted_deviations,
+    next_visits,
+    random_alternatives,
+)
 from robid.design.configurations.for_prediction import PredictionPlan, design_for_prediction
 from robid.design.configurations.options import DesignOptions
 from robid.design.configurations.predicted import Lacking, stacked
@@ -175,9 +180,9 @@ def test_parts_of_two_tasks_are_those_of_one():
 def test_random_choices_bracket_their_median_and_parts_add_up():
     parts = parts_of(*columns_of(20, 50))
     error = ExpectedError(parts, parts.known(None))
-    middle, best, worst = random_alternatives(error, 4, 4, 2)
+    middle, best, worst = random_alternatives(error, 4, 4, fitted_deviations(error, 2))
     assert best.prediction_error < middle.prediction_error < worst.prediction_error
-    one = alternative("d", error, as_counts([0, 1, 2, 3], 20), 2)
+    one = alternative("d", error, as_counts([0, 1, 2, 3], 20), fitted_deviations(error, 2))
     assert one.prediction_error**2 == pytest.approx(one.noise_error**2 + one.bias_error**2)
     assert one.relative_std <= one.worst_relative_std
 
