@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 _HERE = Path(__file__).parent
-MODELS = ("m49", "opt2", "guess", "mirr", "low", "rand_a", "nonlinear")
+MODELS = ("m49", "opt2", "guess", "mirr", "optp", "low", "rand_a", "rand_b", "nonlinear")
+MEASURED = {"estimation_1": 12, "validation_1": 3, "estimation_2": 12, "validation_2": 3, "again_1": 12}
 
 
 def names(folder):
@@ -26,14 +27,14 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     assert answer.code == 0, answer.err
     summary = answer.json["summary"]
     tasks = study.runs / "tasks"
-    campaigns = ("estimation_1", "validation_1", "estimation_2", "validation_2")
-    assert names(tasks / "responses") == {f"{name}_{number}" for name in campaigns for number in range(1, 11)}
+    places = {f"{name}_{number}" for name, count in MEASURED.items() for number in range(1, count + 1)}
+    assert names(tasks / "responses") == places
     assert names(tasks / "models") == {f"{name}_{number}" for name in MODELS for number in (1, 2)}
     assert names(tasks / "sets") == {"rand_a_1_2", "rand_a_2_2"}
     assert names(tasks / "steps") == {"steps_1", "steps_2"}
     assert not list(tasks.glob("*.h5"))
     assert summary == json.loads((study.runs / "summary.json").read_text())
-    assert summary["tasks.count"] == 40 + 14 + 2 + 2
+    assert summary["tasks.count"] == len(places) + 18 + 2 + 2
     for name in MODELS:
         for key in ("average_std", "average_fit_std", "average_effective_std", "scatter", "fit_scatter", "average_cost",
                     "worst_cost", "average_excess"):  # fmt: skip
@@ -44,6 +45,10 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
         assert summary[f"{name}.worst_cost"] >= summary[f"{name}.average_cost"]
     assert summary["m49.average_std"] < min(summary[f"{name}.average_std"] for name in ("opt2", "guess", "mirr"))
     assert 0 <= summary["opt2.gap"] < 1e-6
+    assert summary["m49.revisited_cost"] > 0
+    assert 0 < summary["optp.vs_random"] < 10
+    assert summary["optp.vs_random_error"] > 0
+    assert summary["optp.scatter_vs_opt2"] == pytest.approx(summary["optp.scatter"] / summary["opt2.scatter"])
     assert summary["nonlinear.step_tool_rms_m"] < summary["m49.step_tool_rms_m"]
     page = (study.runs / "report.html").read_text()
     for text in (
@@ -61,7 +66,7 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
     lost.unlink()
     again = study.robid("study", "configurations.yaml")
     assert again.code == 0
-    assert "13 of 14 tasks are there from an earlier run" in again.err
+    assert "17 of 18 tasks are there from an earlier run" in again.err
     assert "An average deviation of" in " ".join(again.out.split())
     assert {path for path, at in kept.items() if path.stat().st_mtime_ns != at} == {lost}
 
@@ -72,8 +77,11 @@ def test_models_of_every_individual_are_fitted_judged_and_stepped(study):
         ("estimation: [estimation_1,", "estimation: [estimation_3,", "study.estimation[1]: there is no campaign"),
         ("validation: [validation_1, validation_2]", "validation: [validation_1]", "one for each"),
         ("validation: [validation_1, validation_2]", "validation: [validation_2, validation_1]", "S393"),
-        ("guess: {configurations: [3, 4]}", "guess: {configurations: [3, 30]}", "there are 10 configurations"),
-        ("low: {count: 2,", "low: {count: 20,", "S395 cannot take 20 of 10 configurations"),
+        ("revisited: [again_1]", "revisited: [again_1, again_1, again_1]", "one for each of the first"),
+        ("revisited: [again_1]", "revisited: [validation_1]", "S392"),
+        ("predictive: optp", "predictive: opt3", "there is no model `opt3`"),
+        ("guess: {configurations: [3, 4]}", "guess: {configurations: [3, 30]}", "there are 12 configurations"),
+        ("low: {count: 2,", "low: {count: 20,", "S395 cannot take 20 of 12 configurations"),
         ("low_torque: lift", "low_torque: lifft", "there is no joint `lifft`"),
         ("axes: [turn, lift]", "axes: [turn, lifft]", "there is no joint `lifft`"),
         ("  design: optimal\n", "  design: optimum\n", "there is no design `optimum`"),

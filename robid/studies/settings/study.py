@@ -67,7 +67,14 @@ class ZimmermannStudy(Section):
         "Names of simulated campaigns, one for each individual of the robot, in the same configurations.", min_length=1
     )
     validation: tuple[Name, ...] = entry(
-        "Names of the campaigns that validate: the same individuals and configurations, in this order.", min_length=1
+        "Names of the campaigns that validate: the same individuals in this order, all in the same configurations, best"
+        " ones that no model has used.",
+        min_length=1,
+    )
+    revisited: tuple[Name, ...] = entry(
+        "Campaigns that repeat the first validations in the configurations of the estimation, where the reference is"
+        " judged beside.",
+        (),
     )
     fit: ElasticOptions = entry(
         "Options that all fits share.",
@@ -81,6 +88,9 @@ class ZimmermannStudy(Section):
     )
     reference: Name = entry("The model with all configurations.", "m49")
     optimal: Name = entry("The model with the configurations of `design`.", "opt2")
+    predictive: Name | None = entry(
+        "The model with configurations chosen for prediction, which is held against random sets of as many.", None
+    )
     guess: Name = entry("The model with the configurations that an engineer would choose.", "guess")
     nonlinear: Name | None = entry("The model whose gears stiffen, which explains the others' springs.", None)
     design: Name = entry("The design of the study.")
@@ -93,8 +103,8 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     """Yields the field and the message of everything that is wrong with a study of designs."""
     unusable: list[tuple[FieldPath, str]] = [
         (("study", key, index), message)
-        for key, names in (("estimation", study.estimation), ("validation", study.validation))
-        for index, name in enumerate(names)
+        for key in ("estimation", "validation", "revisited")
+        for index, name in enumerate(getattr(study, key))
         if (message := campaign_problem(experiment, name, "robot"))
     ]
     yield from unusable
@@ -102,6 +112,9 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
     if len(study.validation) != len(study.estimation):
         counts = f"{len(study.validation)} campaigns for the {len(study.estimation)} of `estimation`"
         yield ("study", "validation"), f"S391 has {counts}: one for each"
+    elif len(study.revisited) > len(study.estimation):
+        counts = f"{len(study.revisited)} campaigns for the {len(study.estimation)} of `estimation`"
+        yield ("study", "revisited"), f"S391 has {counts}: one for each of the first ones"
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
@@ -117,23 +130,28 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
 
 
 def _check_pairs(experiment: Experiment, study: ZimmermannStudy) -> Problems:
-    first = experiment.campaigns[study.estimation[0]]
-    for key, names in (("estimation", study.estimation), ("validation", study.validation)):
-        for index, name in enumerate(names):
-            if experiment.campaigns[name].configurations != first.configurations:
-                yield ("study", key, index), f"S392 `{name}` has other configurations than `{study.estimation[0]}`"
-    for index, pair in enumerate(zip(study.estimation, study.validation, strict=True)):
-        own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
-        if own.truth != other.truth:
-            message = f"S393 `{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
-            yield ("study", "validation", index), message
+    like = {"estimation": study.estimation[0], "validation": study.validation[0], "revisited": study.estimation[0]}
+    for key, first in like.items():
+        for index, name in enumerate(getattr(study, key)):
+            if experiment.campaigns[name].configurations != experiment.campaigns[first].configurations:
+                yield ("study", key, index), f"S392 `{name}` has other configurations than `{first}`"
+    for key in ("validation", "revisited"):
+        for index, pair in enumerate(zip(study.estimation, getattr(study, key), strict=False)):
+            own, other = (given(given(experiment.campaigns[name].source).simulate) for name in pair)
+            if own.truth != other.truth:
+                message = f"S393 `{pair[1]}` simulates another individual than `{pair[0]}`: give both the same `truth`"
+                yield ("study", key, index), message
+
+
+_NAMED = ("reference", "optimal", "predictive", "guess", "nonlinear")
+"""Settings of the study of designs that name a model."""
 
 
 def _check_names(experiment: Experiment, study: ZimmermannStudy, robot: RobotFile | None) -> Problems:
     if message := unknown("design", study.design, experiment.designs):
         yield ("study", "design"), message
     named: list[tuple[str, FieldPath, str | None]] = [
-        *(("model", (key,), getattr(study, key)) for key in ("reference", "optimal", "guess", "nonlinear")),
+        *(("model", (key,), getattr(study, key)) for key in _NAMED),
         *(("model", ("stepped", index), name) for index, name in enumerate(study.stepped)),
     ]
     if robot is not None:

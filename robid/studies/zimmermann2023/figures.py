@@ -148,6 +148,7 @@ class Model:
     resonance_error: FloatArray
     # (n_seed, n_conf, n_spring) slopes under gravity and excitation of gears that stiffen, or None
     slope: FloatArray | None
+    revisited_cost: FloatArray | None = None  # (n_first,) mean cost in configurations that were fitted, of the first
 
     def stated(self, mean: Mean) -> FloatArray:
         """Mean over the springs of the deviation that the fit states (n_seed,)."""
@@ -225,6 +226,7 @@ def _further_sets(run: Run, study: ZimmermannStudy, earlier: Earlier) -> dict[st
 def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, Any]]]) -> Model:
     wanted = tuple(rows[0]["wanted"].tolist())
     more = further or [[] for _ in rows]
+    again = [float(row["revisited_cost"].mean()) for row in rows if "revisited_cost" in row]
     places = [rows[0]["names"].tolist().index(spring) for spring in wanted]
 
     def every(key: str) -> FloatArray:
@@ -248,6 +250,7 @@ def _model(name: str, rows: list[dict[str, Any]], further: list[list[dict[str, A
         **{"error": errors("physical_stiffness"), "fit_error": errors("stiffness")},
         resonance_error=every("model_hz") / every("measured_hz") - 1,
         slope=every("slope") if "slope" in rows[0] else None,
+        revisited_cost=np.array(again) if again else None,
     )
 
 
@@ -264,6 +267,10 @@ def summarise(found: Found) -> dict[str, float]:
     summary[f"{study.optimal}.over_{study.reference}_cost"] = float(np.median(over))
     summary["resonances"] = float(np.median(found.there.sum(axis=(1, 2))))
     summary |= {f"effort.{name}": value for name, value in found.effort.figures.items()}
+    again = reference.revisited_cost
+    if again is not None:
+        summary[f"{study.reference}.revisited_cost"] = float(np.median(again))
+    summary |= prediction_figures(found)
     if study.nonlinear is not None:
         left = models[study.nonlinear].average_excess / reference.average_excess
         summary[f"{study.nonlinear}.excess_ratio"] = float(np.median(left))
@@ -275,6 +282,36 @@ def summarise(found: Found) -> dict[str, float]:
         for key in ("tool_rms_m", "torque_rms_nm", "path_rms_m", "vibration_m", "tool_relative"):
             summary[f"{name.replace(' ', '_')}.step_{key}"] = float(np.median([one[name][key] for one in steps]))
     return summary
+
+
+def random_models(found: Found) -> list[Model]:
+    """Models of as many configurations as the predictive one, drawn at random."""
+    size = 0 if found.study.predictive is None else len(found.models[found.study.predictive].used)
+    choices = found.study.models
+    drawn = (name for name, one in choices.items() if one.count is not None and one.low_torque is None)
+    return [found.models[name] for name in drawn if len(found.models[name].used) == size]
+
+
+def prediction_figures(found: Found) -> dict[str, float]:
+    """The predictive model against random sets, the mean over the individuals, and against the optimal model."""
+    random, name = random_models(found), found.study.predictive
+    if name is None or not random:
+        return {}
+    own, optimal = found.models[name], found.models[found.study.optimal]
+    drawn = np.mean([one.cost.mean(axis=1) for one in random], axis=0)
+    cost, whole = own.cost.mean(axis=1), float(drawn.mean())
+    # Paired: the same individuals and configurations, one difference each.
+    error = float(np.std(cost - drawn, ddof=1) / np.sqrt(cost.size)) if cost.size > 1 else np.nan
+    figures = {
+        "vs_random": float(cost.mean()) / whole,
+        "vs_random_error": error / whole,
+        f"vs_{optimal.name}": float(cost.mean() / optimal.cost.mean()),
+    }
+    if len(own.error) > 1:
+        scatters = [scatter(each.error, "average") for each in (own, optimal, *random)]
+        figures[f"scatter_vs_{optimal.name}"] = scatters[0] / scatters[1]
+        figures["random_scatter_vs_own"] = float(np.mean(scatters[2:])) / scatters[0]
+    return {f"{name}.{key}": value for key, value in figures.items()}
 
 
 def _model_figures(one: Model) -> dict[str, float]:

@@ -47,8 +47,9 @@ def chosen_designs(run: Run) -> dict[str, ConfigurationDesign]:
 
 
 def campaigns(study: ZimmermannStudy) -> tuple[str, ...]:
-    """Returns the campaigns of all pairs: each estimation campaign, then its validation campaign."""
-    return tuple(name for pair in zip(study.estimation, study.validation, strict=True) for name in pair)
+    """Returns the campaigns of all pairs, each estimation before its validation, then those that are revisited."""
+    paired = (name for pair in zip(study.estimation, study.validation, strict=True) for name in pair)
+    return (*paired, *study.revisited)
 
 
 def needs(loaded: LoadedExperiment) -> tuple[str, ...]:
@@ -66,18 +67,29 @@ class Pair:
     configurations: FloatArray
     estimation_paths: tuple[Path, ...]
     validation_paths: tuple[Path, ...]
+    revisited_paths: tuple[Path, ...] = ()
 
 
 def pairs(run: Run, earlier: Earlier) -> list[Pair]:
     """Returns the pairs of campaigns with the results of the first step."""
     study = study_of(run.loaded, ZimmermannStudy)
-    found, left = [], list(earlier[0].paths)
+    left = list(earlier[0].paths)
+
+    def taken(name: str) -> tuple[tuple[Path, ...], FloatArray]:
+        """The paths of the next campaign, and its configurations."""
+        configurations = played(run, name).configurations
+        paths = tuple(left[: len(configurations)])
+        del left[: len(configurations)]
+        return paths, configurations
+
+    found = []
     for names in zip(study.estimation, study.validation, strict=True):
-        configurations = played(run, names[0]).configurations
-        count = len(configurations)
-        found.append(Pair(*names, configurations, tuple(left[:count]), tuple(left[count : 2 * count])))
-        left = left[2 * count :]
-    return found
+        (own, configurations), (other, _) = taken(names[0]), taken(names[1])
+        found.append(Pair(*names, configurations, own, other))
+    again = [taken(name)[0] for name in study.revisited]
+    return [replace(pair, revisited_paths=paths) for pair, paths in zip(found, again, strict=False)] + found[
+        len(again) :
+    ]
 
 
 def response_tasks(run: Run, _earlier: Earlier) -> list[Task]:
@@ -107,6 +119,7 @@ class Fitting:
     options: ElasticOptions  # Options of the fit
     delay_s: float  # Nominal delay [s]
     axes: tuple[str, ...]  # Joints whose first resonances are compared
+    revisited: tuple[Path, ...] = ()  # Where responses lie of the same payload in the configurations of the estimation
 
 
 def model_sets(study: ZimmermannStudy, torque: dict[str, FloatArray], n_conf: int) -> dict[str, tuple[int, ...]]:
@@ -166,6 +179,7 @@ def model_task(
     settings = model_settings(run.loaded, pair.estimation), model_settings(run.loaded, pair.validation)
     options = options_of(study, study.models[name])
     validation = pair.validation_paths if judged else ()
+    revisited = pair.revisited_paths if judged and name == study.reference else ()
     decides = {
         "estimation": [pair.estimation_paths[index].name for index in used],
         "validation": [path.name for path in validation],
@@ -175,11 +189,13 @@ def model_task(
         "source": plain_settings(own.source),
         "result": _RESULT,
     }
+    if revisited:
+        decides["revisited"] = [path.name for path in revisited]
     if "cubic" in options.free:
         decides["slopes"] = [path.name for path in pair.estimation_paths]
     paths = pair.estimation_paths, validation
     delay = delay_s(run.loaded, own)
-    return Task(key, decides, (Fitting(robots, truth, *paths, used, options, delay, study.axes),))
+    return Task(key, decides, (Fitting(robots, truth, *paths, used, options, delay, study.axes, revisited),))
 
 
 def fit_model(one: Fitting) -> Content:
@@ -190,6 +206,9 @@ def fit_model(one: Fitting) -> Content:
     if one.validation:
         datasets |= {**_deviations(one, frf, solution), **_judgement(one, solution)}
         datasets["used"] = Dataset(np.array(one.used), "1", ("used",), "Configurations of the fit")
+        if one.revisited:
+            again = _judgement(replace(one, validation=one.revisited), solution)["cost"]
+            datasets["revisited_cost"] = replace(again, axes=("place",))
         if "cubic" in one.options.free:
             every = read_responses(one.estimation)
             model, parameters = fitted_model(one.robots[0], solution, every, one.options, one.delay_s).linear
@@ -293,11 +312,19 @@ def set_tasks(run: Run, earlier: Earlier) -> list[Task]:
     return [
         model_task(run, study, pair, name, used, f"{name}_{number}_{further}", judged=False)
         for number, pair in enumerate(pairs(run, earlier), 1)
-        for name, choice in study.models.items()
+        for name, choice in _with_sets(study).items()
         for further, used in enumerate(further_sets(choice, len(pair.configurations)), 2)
     ]
 
 
 def owners_of_sets(study: ZimmermannStudy, n_conf: int) -> list[str]:
     """Returns the model of each further set of one individual, in the order of its tasks."""
-    return [name for name, choice in study.models.items() for _ in further_sets(choice, n_conf)]
+    return [name for name, choice in _with_sets(study).items() for _ in further_sets(choice, n_conf)]
+
+
+def _with_sets(study: ZimmermannStudy) -> dict[str, ModelChoice]:
+    """The models that have further sets: the first one of each pool, whose sets take all of it."""
+    first: dict[object, str] = {}
+    for name, choice in study.models.items():
+        first.setdefault((choice.configurations, choice.count), name)
+    return {name: study.models[name] for name in first.values()}

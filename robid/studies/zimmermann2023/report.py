@@ -25,6 +25,8 @@ from robid.studies.zimmermann2023.steps import StepResponses
 
 _ENOUGH_COST = 1.06
 _ENOUGH_EXCESS = 0.5
+_ERRORS = 2.0  # Standard errors that a prediction may cost more than those of random sets
+_MOST_SCATTER = 1.3
 _FURTHER = 2.0  # Scatter over the stated deviation above which intervals do not hold what they should
 
 
@@ -88,7 +90,28 @@ def _verdict(found: Found, summary: Mapping[str, float]) -> tuple[str, bool]:
         reached = reached and excess <= _ENOUGH_EXCESS
         size = _below(excess, _ENOUGH_EXCESS)
         sentences.append(f"the model with stiffening gears leaves {significant(excess)} of its excess cost ({size})")
-    return f"{'; '.join(sentences)}. {found.effort.sentence}", reached
+    told, predicts = _predicted(found, summary)
+    return f"{'; '.join([*sentences, *told])}. {found.effort.sentence}", reached and predicts
+
+
+def _predicted(found: Found, summary: Mapping[str, float]) -> tuple[list[str], bool]:
+    """What the choice for prediction is worth beside random sets and the optimal one, and whether it is enough."""
+    name, optimal = found.study.predictive, found.study.optimal
+    ratio = summary.get(f"{name}.vs_random")
+    if ratio is None:
+        return [], True
+    most = 1 + _ERRORS * summary[f"{name}.vs_random_error"]
+    beside = summary[f"{name}.vs_{optimal}"]
+    sentences = [
+        f"chosen for prediction, {name} costs {significant(ratio)} of the mean of random sets ({_below(ratio, most)}),"
+        f" {significant(beside)} of {optimal} ({_below(beside, 1.0)})"
+    ]
+    scatter = summary.get(f"{name}.scatter_vs_{optimal}")
+    if scatter is not None:
+        random = summary[f"{name}.random_scatter_vs_own"] * scatter
+        told = f"its springs scatter {significant(scatter)} times those of {optimal} ({_below(scatter, _MOST_SCATTER)})"
+        sentences.append(f"{told}, those of random sets {significant(random)} times")
+    return sentences, ratio <= most and beside <= 1 and (scatter is None or scatter <= _MOST_SCATTER)
 
 
 def _standing(optimal: str, what: str, figures: Mapping[str, float], held: Rivals) -> str:
@@ -117,7 +140,7 @@ def _deviation(fraction: float | None) -> str:
 
 
 def _below(value: float, limit: float) -> str:
-    return f"asked: at most {limit:g}, {'reached' if value <= limit else 'missed'}"
+    return f"asked: at most {limit:.3g}, {'reached' if value <= limit else 'missed'}"
 
 
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:

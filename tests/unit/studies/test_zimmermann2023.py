@@ -17,6 +17,7 @@ from robid.studies.zimmermann2023.figures import (
     deviations,
     effort_curves,
     explained_springs,
+    prediction_figures,
     rivals,
     summarise,
 )
@@ -146,6 +147,29 @@ def everything(**other):
         "nonlinear": model("nonlinear", 0.02, cost=0.4, slope=slope),
         **other,
     }
+
+
+def test_a_choice_for_prediction_is_held_against_random_sets_in_pairs():
+    """Costs rise alike from one individual to the next: the paired error is that of the small differences alone."""
+    rise, off = 1 + np.arange(N_SEED), 0.01 * np.array([1, -1, 0, 2, -2])
+    every = everything(
+        optp=replace(model("optp", 0.03), cost=np.tile((rise + off)[:, None], N_CONF)),
+        **{
+            f"rand_{letter}": replace(model("r", 0.03), cost=np.tile((c * rise)[:, None], N_CONF))
+            for letter, c in (("a", 1), ("b", 3))
+        },
+    )
+    held = found(**every)
+    chosen = {name: ModelChoice(count=2) if name.startswith("rand") else one for name, one in held.study.models.items()}
+    held = replace(held, study=held.study.model_copy(update={"models": chosen, "predictive": "optp"}))
+    figures = prediction_figures(held)
+    assert figures["optp.vs_random"] == pytest.approx((rise + off).mean() / (2 * rise).mean())
+    difference = rise + off - 2 * rise
+    assert figures["optp.vs_random_error"] == pytest.approx(
+        difference.std(ddof=1) / np.sqrt(N_SEED) / (2 * rise).mean()
+    )
+    assert figures["optp.vs_opt2"] == pytest.approx((rise + off).mean() / held.models["opt2"].cost.mean())
+    assert prediction_figures(found(**everything())) == {}
 
 
 def test_figures_are_medians_over_the_individuals():
