@@ -21,6 +21,7 @@ _MEANINGS = {
     "design.d_300_ms": "D-optimal weights of 300 candidates [ms]",
     "design.e_300_ms": "E-optimal weights of 300 candidates [ms]",
     "design.d_100000_s": "D-optimal weights of 100,000 candidates [s]",
+    "design.prediction_vs_d": "configurations for prediction, over D-optimal ones of the same 300 candidates",
     "design.vs_cvxpy_3000": "D-optimal weights of 3,000 candidates, against cvxpy with Clarabel, to the same optimum",
     "external.vs_lsim": "simulation of external models, against scipy's `lsim`",
     "face.parameters_vs_read": "opening a run in Python and reading its parameters, against reading the HDF5 file",
