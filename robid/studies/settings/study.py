@@ -89,7 +89,7 @@ class ZimmermannStudy(Section):
     reference: Name = entry("The model with all configurations.", "m49")
     optimal: Name = entry("The model with the configurations of `design`.", "opt2")
     predictive: Name | None = entry(
-        "The model with configurations chosen for prediction, which is held against random sets of as many.", None
+        "The model with configurations chosen for prediction, which is compared with random sets of as many.", None
     )
     guess: Name = entry("The model with the configurations that an engineer would choose.", "guess")
     nonlinear: Name | None = entry("The model whose gears stiffen, which explains the others' springs.", None)
