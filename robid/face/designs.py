@@ -5,18 +5,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from robid.arrays import FloatArray
 from robid.design.configurations.candidates import candidate_information
+from robid.design.configurations.for_prediction import design_for_prediction
 from robid.design.configurations.information import design_configurations
-from robid.design.configurations.options import BetweenRelativeStd, DesignOptions
+from robid.design.configurations.options import BetweenRelativeStd, DesignOptions, InformationOptions
+from robid.design.configurations.prediction import joined
 from robid.errors import DataError, SettingsError
 from robid.face.arguments import placed, required, sampled, shaped
 from robid.face.robots import RobotModel
+from robid.pipeline.design_prediction import assumed_parts
+from robid.pipeline.design_tasks import AssumedTask
 from robid.results.options import options_from
 
 if TYPE_CHECKING:
     from robid.design.configurations.information import ConfigurationDesign
 
+_CHUNK = 20
+"""Candidates whose nuisance parameters are linearised together."""
 _LEAST_ERROR = 1e-6
 """Least relative error of a response element that a design assumes, and the inverse of the largest."""
 
@@ -31,7 +39,7 @@ def choose_configurations(
     fixed: Sequence[str] = (),
     **options: Any,  # noqa: ANN401
 ) -> ConfigurationDesign:
-    """Chooses the configurations that tell most about springs and dampers, with a certificate.
+    """Chooses the configurations that tell most about springs and dampers, or predict best, with a certificate.
 
     Args:
         robot: The robot, its springs as well as they are known.
@@ -40,7 +48,8 @@ def choose_configurations(
         count: How many configurations are chosen.
         relative_error: Assumed relative standard deviation of each response element.
         fixed: Names of parameters that are known, as `base_x.stiffness`.
-        options: Further fields of `DesignOptions`, as `criterion` or `experiments`.
+        options: Further fields of `DesignOptions`, as `criterion` or `experiments`. With `criterion="prediction"` what
+            the robot file may have wrong counts by its `doubts`, and responses in all candidates are to be predicted.
 
     Returns:
         The design: `chosen` are rows of the candidates, `efficiency` what they reach of the best possible.
@@ -75,4 +84,11 @@ def choose_configurations(
     )
     # What the model lacks makes springs differ between configurations: no number of visits to one tells more.
     between = BetweenRelativeStd().of(names)
-    return design_configurations(matrices, places, names, chosen, between=between)
+    if chosen.criterion != "prediction":
+        return design_configurations(matrices, places, names, chosen, between=between)
+    about = InformationOptions(assumed_relative_error=relative_error, fixed=tuple(fixed))
+    few = np.array_split(places, -(-len(places) // _CHUNK))
+    period_s, delay_s = robot.sampling_period_s, robot.delay_s
+    tasks = (AssumedTask((robot.description,), about, delay_s, part, lines, period_s) for part in few)
+    parts = joined([assumed_parts(task, between) for task in tasks], [len(part) for part in few])
+    return design_for_prediction(parts, matrices[None], places, names, chosen, between=between)

@@ -14,8 +14,9 @@ from robid.design.configurations.for_prediction import design_for_prediction
 from robid.design.configurations.information import ConfigurationDesign, design_configurations, promised_deviations
 from robid.design.configurations.options import CriterionName, DesignOptions
 from robid.design.configurations.prediction import ExpectedError, PredictionParts
-from robid.pipeline.design_information import CandidateInformation, design_tasks
+from robid.pipeline.design_information import CandidateInformation
 from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_tasks import design_tasks
 from robid.pipeline.stage import Job
 
 _COMPARED = 100

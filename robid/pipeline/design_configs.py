@@ -12,10 +12,12 @@ from rich.console import Group
 from robid.artifacts.kinds import DESIGN, design_from_artifact, design_to_artifact
 from robid.artifacts.store import read_artifact, write_artifact
 from robid.design.configurations.candidates import visit_cost_s
-from robid.design.configurations.information import ConfigurationDesign, Trial, stability
+from robid.design.configurations.information import ConfigurationDesign
+from robid.design.configurations.stability import Trial, stability
 from robid.pipeline.design_comparison import alternatives, choose
-from robid.pipeline.design_information import design_tasks, gather_information
+from robid.pipeline.design_information import gather_information
 from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_tasks import design_tasks
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
 from robid.pipeline.terminal import section_table

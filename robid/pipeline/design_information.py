@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,61 +11,29 @@ import numpy as np
 from robid.arrays import FloatArray, IntArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL
-from robid.artifacts.store import read_artifact, read_outline
+from robid.artifacts.store import read_artifact
 from robid.design.configurations.candidates import candidate_information
-from robid.design.configurations.information import halves
 from robid.design.configurations.measured import fitted_information, measured_information
-from robid.design.configurations.options import DesignWeights, InformationOptions
+from robid.design.configurations.stability import halves
 from robid.design.configurations.visits import FittedInformation
 from robid.errors import DataError
 from robid.frf.covariance import by_realizations
 from robid.frf.frf import Frf
 from robid.models.elastic.files import solution_from_artifact
-from robid.models.elastic.fit.options import ElasticOptions
-from robid.models.elastic.fit.solution import fitted_delay_s, fitted_robot
-from robid.models.elastic.fit.weights import assumed_error, make_weights, make_whitening
-from robid.pipeline.configurations import campaign_lines, campaign_sampling_s, configurations_of
-from robid.pipeline.plans import about_options, fit_options
+from robid.models.elastic.fit.weights import assumed_error, make_whitening
+from robid.pipeline.design_tasks import (
+    UNREAD,
+    AssumedTask,
+    MeasuredTask,
+    design_point,
+    design_tasks,
+    element_weights,
+    prior_decades,
+    without_torques,
+)
 from robid.pipeline.stage import Job
 from robid.robot.description import Robot
 from robid.settings.experiment import Design
-from robid.settings.robot_parts import delay_s
-from robid.simulate.options import Truth
-from robid.simulate.truth import true_robot
-
-UNREAD = (
-    "coherence",
-    "silent_level",
-    "silent_noise",
-    "silent_interpolation",
-    "uncompensated_response",
-    "input_amplitude",
-)
-"""What no design reads of a response."""
-_WEIGHED = (
-    "configurations",
-    "response",
-    "input_factor",
-    "element_scale",
-    "total_covariance",
-    "noise_covariance",
-    "dropped",
-)
-
-
-def fit_weights(path: Path, options: ElasticOptions) -> FloatArray:
-    """Weights (n_conf, n_freq, n_out, n_in) that the fit's own function gives all candidates together."""
-    rows = []
-    for row in range(read_outline(path, FRF).n_rows):
-        frf = frf_from_artifact(read_artifact(path, FRF, row=row, leave_out=(*UNREAD, "realization_error")))
-        rows.append({name: getattr(frf, name) for name in _WEIGHED})
-    whole: dict[str, Any] = {
-        name: None if rows[0][name] is None else np.concatenate([row[name] for row in rows]) for name in _WEIGHED
-    }
-    return make_weights(replace(frf, **whole), options.weights, options.residual)[0]
-
-
-_CHUNK = 20
 
 
 @dataclass(frozen=True)
@@ -94,33 +60,6 @@ class CandidateInformation:
         )
 
 
-@dataclass(frozen=True)
-class _Task:
-    robots: tuple[Robot, ...]
-    about: InformationOptions
-    delay_s: float
-
-
-@dataclass(frozen=True)
-class AssumedTask(_Task):
-    """Some candidates, by assumed errors."""
-
-    configurations: FloatArray
-    frequency_hz: FloatArray
-    sampling_period_s: float
-
-
-@dataclass(frozen=True)
-class MeasuredTask(_Task):
-    """One candidate, by its response."""
-
-    frf: Path
-    row: int
-    pooled: int
-    fit: ElasticOptions | None
-    weights: FloatArray | None
-
-
 def gather_information(job: Job) -> CandidateInformation:
     """Computes the information of all candidates, in parallel and with little memory.
 
@@ -129,7 +68,7 @@ def gather_information(job: Job) -> CandidateInformation:
         DataError: If a covariance has no inverse.
     """
     design = job.loaded.experiment.designs[job.owner]
-    knowledge = _point(job, design)[2]
+    knowledge = design_point(job, design)[2]
     tasks, measured = design_tasks(job), design.information == "measured"
     job.progress.expect(len(tasks), "configurations" if measured else "parts")
     made: Callable[[Any], CandidateInformation] = _measured_information if measured else _assumed_information
@@ -146,16 +85,6 @@ def gather_information(job: Job) -> CandidateInformation:
     )
 
 
-def design_tasks(job: Job, candidates: IntArray | None = None) -> Sequence[AssumedTask | MeasuredTask]:
-    """Tasks of all candidates of a design, or of some."""
-    design = job.loaded.experiment.designs[job.owner]
-    robot, delay, _ = _point(job, design)
-    robots = tuple(_drawn(robot, about_options(job.loaded.experiment, design)))
-    if design.information == "measured":
-        return _measured(job, robots, delay, candidates)
-    return _assumed(job, robots, delay, candidates)
-
-
 def between_std(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
     """Deviation (n_param,) of each log-parameter between configurations: an earlier fit's, else the settings'."""
     stated = design.between_relative_std.of(names)
@@ -168,79 +97,6 @@ def between_std(job: Job, design: Design, names: tuple[str, ...]) -> FloatArray:
         raise DataError(f"{message}: it has fewer than four.", where="between", remedy=remedy)
     found = dict(zip(solution.estimate.names, solution.effective.between_std.tolist(), strict=True))
     return np.array([found.get(name, own) for name, own in zip(names, stated.tolist(), strict=True)])
-
-
-@dataclass(frozen=True)
-class _Knowledge:
-    """What an earlier fit found of log-parameters."""
-
-    names: tuple[str, ...]
-    covariance: FloatArray
-
-    def about(self, names: tuple[str, ...]) -> FloatArray:
-        """Information about some of them, whatever the others are."""
-        chosen = [self.names.index(name) for name in names]
-        return np.asarray(np.linalg.inv(self.covariance[np.ix_(chosen, chosen)]))
-
-
-def _point(job: Job, design: Design) -> tuple[Robot, float, _Knowledge | None]:
-    """Robot and delay at which derivatives are taken, and what is known beforehand."""
-    campaign = job.loaded.experiment.campaigns[design.campaign]
-    robot, delay = job.loaded.robot.to_robot(campaign.payload_kg), delay_s(job.loaded, campaign)
-    if design.prior is None:
-        return robot, delay, None
-    solution = solution_from_artifact(read_artifact(job.inputs["model"], MODEL))
-    # Its covariance is as wide as its intervals: a misfit is in it already.
-    knowledge = _Knowledge(solution.estimate.names, solution.internal.covariance)
-    return fitted_robot(robot, solution.estimate), fitted_delay_s(solution.estimate, delay), knowledge
-
-
-def _drawn(robot: Robot, about: InformationOptions) -> Iterable[Robot]:
-    """Robots whose wanted springs and dampers deviate; the robot alone when there is one draw."""
-    if about.draws == 1:
-        return [robot]
-    damper_factor = about.draw_factor if "damping" in about.free else 1.0
-    known = tuple(spring.name for spring in robot.springs if f"{spring.name}.stiffness" in about.fixed)
-    draw = Truth(spring_factor=about.draw_factor, damper_factor=damper_factor, friction_relative=0.0, keep=known)
-    seeds = np.random.SeedSequence(about.draw_seed).generate_state(about.draws)
-    return (true_robot(robot, replace(draw, seed=int(seed))) for seed in seeds)
-
-
-def _assumed(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray | None) -> list[AssumedTask]:
-    design = job.loaded.experiment.designs[job.owner]
-    campaign = job.loaded.experiment.campaigns[design.campaign]
-    every = configurations_of(job.loaded, campaign, job.inputs)
-    return _assumed_at(job, robots, delay, every if some is None else every[some])
-
-
-def tasks_at(job: Job, configurations: FloatArray) -> Sequence[AssumedTask]:
-    """Tasks of other configurations (n_conf, n_joint) [rad] than a design's own, by assumed errors."""
-    robot, delay, _ = _point(job, job.loaded.experiment.designs[job.owner])
-    return _assumed_at(job, (robot,), delay, configurations)
-
-
-def _assumed_at(job: Job, robots: tuple[Robot, ...], delay: float, candidates: FloatArray) -> list[AssumedTask]:
-    design = job.loaded.experiment.designs[job.owner]
-    campaign = job.loaded.experiment.campaigns[design.campaign]
-    period = campaign_sampling_s(job.loaded, campaign)
-    frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
-    parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
-    about = about_options(job.loaded.experiment, design)
-    return [AssumedTask(robots, about, delay, part, frequency_hz, period) for part in parts]
-
-
-def _measured(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray | None) -> list[MeasuredTask]:
-    experiment = job.loaded.experiment
-    design = experiment.designs[job.owner]
-    pooled = experiment.campaigns[design.campaign].estimate.pooled_lines
-    path, fit = job.inputs["frf"], fit_options(experiment, design)
-    rows = range(read_outline(path, FRF).n_rows) if some is None else some.tolist()
-    weights = None if fit is None else fit_weights(path, fit)
-    about = about_options(experiment, design)
-    return [
-        MeasuredTask(robots, about, delay, path, row, pooled, fit, None if weights is None else weights[row : row + 1])
-        for row in rows
-    ]
 
 
 def _joined(parts: Sequence[FittedInformation], axis: int) -> FittedInformation | None:
@@ -330,19 +186,3 @@ def _fitted(task: MeasuredTask, frf: Frf) -> FittedInformation | None:
         for robot in task.robots
     ]
     return _joined(found, axis=0)
-
-
-def without_torques(frf: Frf) -> Frf:
-    """A response whose compensated torques are taken for granted."""
-    return replace(frf, sensitivity=frf.sensitivity[:, :0], coefficient_relative_std=np.zeros(0))
-
-
-def element_weights(weights: DesignWeights, frequency_hz: FloatArray, n_out: int, n_in: int) -> FloatArray:
-    """Weights (n_freq, n_out, n_in)."""
-    element = np.where(np.eye(n_out, n_in) > 0, 1.0, weights.off_diagonal)
-    return np.asarray(element * (frequency_hz >= weights.low_cut_hz)[:, None, None])
-
-
-def prior_decades(fit: ElasticOptions | None) -> float:
-    """What the fit takes as known of springs, dampers and link inertias; nothing without one [decades]."""
-    return math.inf if fit is None else fit.prior_decades

@@ -22,7 +22,7 @@ from robid.models.elastic.fit.nuisance.linear import Basis, list_linearised
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import assumed_error, make_whitening
 from robid.pipeline.configurations import configurations_of
-from robid.pipeline.design_information import (
+from robid.pipeline.design_tasks import (
     UNREAD,
     AssumedTask,
     MeasuredTask,

@@ -15,8 +15,9 @@ from robid.design.configurations.comparison import Alternative, NextVisit, next_
 from robid.design.configurations.prediction import ExpectedError, with_further
 from robid.models.elastic.files import solution_from_artifact
 from robid.pipeline.configurations import configurations_of
-from robid.pipeline.design_information import between_std, tasks_at
+from robid.pipeline.design_information import between_std
 from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_tasks import tasks_at
 from robid.pipeline.plans import about_options
 from robid.pipeline.stage import Job
 from robid.settings.load import LoadedExperiment

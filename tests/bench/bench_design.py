@@ -17,8 +17,8 @@ from robid.design.configurations.prediction import joined
 from robid.design.configurations.relaxed import relaxed_design
 from robid.models.known import load_experiment
 from robid.pipeline.configurations import draw_in_reach
-from robid.pipeline.design_information import AssumedTask
 from robid.pipeline.design_prediction import assumed_parts
+from robid.pipeline.design_tasks import AssumedTask
 from robid.settings.experiment import RandomConfigurations
 from smooth_designs import SIZE, smooth_information
 

@@ -14,8 +14,8 @@ from robid.models.elastic.fit.options import ElasticOptions, Weights
 from robid.models.elastic.fit.solution import fitted_robot
 from robid.models.known import load_experiment
 from robid.pipeline.configurations import draw_in_reach
-from robid.pipeline.design_information import AssumedTask
 from robid.pipeline.design_prediction import assumed_parts
+from robid.pipeline.design_tasks import AssumedTask
 from robid.settings.experiment import RandomConfigurations
 from robid.simulate.options import Truth
 from robid.simulate.truth import true_robot

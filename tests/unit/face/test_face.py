@@ -148,6 +148,10 @@ def test_chosen_configurations_beat_most_random_ones():
     same = robid.choose_configurations(robot, candidates, lines, 4, fixed=("gear_1.damping",))
     assert "gear_1.damping" in design.parameter_names
     assert "gear_1.damping" not in same.parameter_names
+    ahead = robid.choose_configurations(robot, candidates, lines, 4, criterion="prediction")
+    assert len(ahead.chosen) == 4
+    assert ahead.parameter_names == design.parameter_names
+    assert 0.5 < ahead.efficiency <= 1
 
 
 @pytest.mark.parametrize(

@@ -5,8 +5,9 @@ import pytest
 
 from exact_systems import two_joint_robot
 from robid.design.configurations.candidates import visit_cost_s
-from robid.design.configurations.information import Trial, design_configurations, halves, stability
+from robid.design.configurations.information import design_configurations
 from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.stability import Trial, halves, stability
 from tolerances import IDENTITY
 
 NAMES = ("a", "b")

@@ -7,9 +7,10 @@ import pytest
 
 from design_systems import as_counts, make_exchange, random_parts
 from robid.design.configurations.exchange import best_exchange
-from robid.design.configurations.information import Trial, design_configurations, information, stability
+from robid.design.configurations.information import design_configurations, information
 from robid.design.configurations.options import BetweenRelativeStd, DesignOptions
 from robid.design.configurations.relaxed import relaxed_design
+from robid.design.configurations.stability import Trial, stability
 from robid.design.configurations.visits import FittedInformation, make_visits, slopes
 from tolerances import FINITE_DIFFERENCE
 
