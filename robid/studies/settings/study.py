@@ -114,7 +114,7 @@ def check_zimmermann2023(study: ZimmermannStudy, experiment: Experiment, robot: 
         yield ("study", "validation"), f"S391 has {counts}: one for each"
     elif len(study.revisited) > len(study.estimation):
         counts = f"{len(study.revisited)} campaigns for the {len(study.estimation)} of `estimation`"
-        yield ("study", "revisited"), f"S391 has {counts}: one for each of the first ones"
+        yield ("study", "revisited"), f"S607 has {counts}: one for each of the first ones"
     elif not unusable:
         yield from _check_pairs(experiment, study)
     if not unusable:
