@@ -13,6 +13,7 @@ from robid.design.configurations.relaxed import Relaxed, relaxed_design
 
 _CHUNK = 256
 _LEFT_OUT = 1e-4  # Share of what the model may lack, as fits of all candidates see it, that exchange leaves out
+_ADDED = ("bread", "noise", "best", "apart", "lacking")  # Of each candidate
 _UNSEEN = 1e-9  # Of all candidates' mean, what makes sums of few experiments regular
 
 
@@ -37,8 +38,7 @@ class PredictionParts:
 
     def take(self, candidates: IntArray) -> PredictionParts:
         """The same of some candidates."""
-        names = ("bread", "noise", "best", "apart", "lacking")
-        return replace(self, **{name: getattr(self, name)[:, candidates] for name in names})
+        return replace(self, **{name: getattr(self, name)[:, candidates] for name in _ADDED})
 
     def known(self, prior: FloatArray | None) -> FloatArray:
         """What is known beforehand (n_all, n_all), with what an earlier fit knows of the wanted parameters."""
@@ -62,10 +62,7 @@ class PredictionParts:
 def joined(parts: Sequence[PredictionParts], counts: Sequence[int]) -> PredictionParts:
     """Parts of more candidates; means over the responses to predict are weighted by their numbers of configurations."""
     share = np.array(counts) / sum(counts)
-    found: dict[str, Any] = {
-        name: np.concatenate([getattr(each, name) for each in parts], axis=1)
-        for name in ("bread", "noise", "best", "apart", "lacking")
-    }
+    found: dict[str, Any] = _side_by_side(parts)
     found |= {
         name: sum(float(one) * getattr(each, name) for one, each in zip(share, parts, strict=True))
         for name in ("own", "mixed", "whole")
@@ -75,10 +72,12 @@ def joined(parts: Sequence[PredictionParts], counts: Sequence[int]) -> Predictio
 
 def with_further(parts: PredictionParts, further: PredictionParts) -> PredictionParts:
     """Parts of more candidates, whose own responses are not among those to predict."""
-    names = ("bread", "noise", "best", "apart", "lacking")
-    return replace(
-        parts, **{name: np.concatenate([getattr(each, name) for each in (parts, further)], axis=1) for name in names}
-    )
+    return replace(parts, **_side_by_side((parts, further)))
+
+
+def _side_by_side(parts: Sequence[PredictionParts]) -> dict[str, Any]:
+    """What the candidates of all parts add."""
+    return {name: np.concatenate([getattr(each, name) for each in parts], axis=1) for name in _ADDED}
 
 
 def parts_of_one(
