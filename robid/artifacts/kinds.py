@@ -42,6 +42,7 @@ Schema history:
         1.3: `joint_units`, where joints are prismatic.
         1.4: `between_relative_std`, what parameters may differ by between configurations; `information` is without it.
         1.5: criterion `prediction`; `alternatives`, what other choices would give.
+        1.6: `predict`, what a model is to predict; `alternatives` with `resonance_error`.
     task:
         1.0: first version.
 """
@@ -195,7 +196,7 @@ def _without_none(hint: object) -> tuple[object, bool]:
 EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 RECORD = Kind("record", "2.2", "robid simulate-or-acquire")
 FRF = Kind("frf", "2.3", "robid estimate-frf")
-DESIGN = Kind("design", "1.5", "robid design-configs")
+DESIGN = Kind("design", "1.6", "robid design-configs")
 TASK = Kind("task", "1.0", "robid study")
 
 

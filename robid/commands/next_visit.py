@@ -34,7 +34,7 @@ class Expected:
 
     relative_std: Annotated[float, Meaning("Median of the parameters' relative deviations.")]
     worst_relative_std: Annotated[float, Meaning("The largest of them.")]
-    prediction_error: Annotated[float, Meaning("Expected relative error of predicted responses, root mean square.")]
+    prediction_error: Annotated[float, Meaning("Expected relative error of predictions, root mean square.")]
 
 
 @dataclass(frozen=True)

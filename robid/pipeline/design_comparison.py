@@ -15,7 +15,8 @@ from robid.design.configurations.information import ConfigurationDesign, design_
 from robid.design.configurations.options import CriterionName, DesignOptions
 from robid.design.configurations.prediction import ExpectedError, PredictionParts
 from robid.pipeline.design_information import CandidateInformation
-from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_outputs import predicted_there, with_resonances
+from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.design_tasks import design_tasks
 from robid.pipeline.stage import Job
 
@@ -44,7 +45,8 @@ def alternatives(
         others = np.random.default_rng(options.seed).permutation(np.setdiff1d(some, choice.chosen))
         some = np.sort(np.concatenate([choice.chosen, others[: max(_COMPARED - choice.chosen.size, 0)]]))
     if parts is None:
-        own = predicted_there(job, gather_prediction(job, design_tasks(job, some), found.between), found.between)
+        own = gather_prediction(job, design_tasks(job, some), found.between)
+        own = predicted_there(job, own, found.between, found.configurations)
     else:
         own = parts.take(some)
     less, cost = found.take(some), None if choice.cost_s is None else choice.cost_s[some]
@@ -57,4 +59,6 @@ def alternatives(
 
     ways = {name: partial(by, name) for name in get_args(CriterionName)}
     promised = promised_deviations(less.matrices, found.prior, found.between)
-    return compare(ways, ExpectedError(own, own.known(found.prior)), options, promised)
+    known, resonances = own.known(found.prior), with_resonances(job, own, found.configurations)
+    beside = None if resonances is None else ExpectedError(resonances, known)
+    return compare(ways, ExpectedError(own, known), options, promised, beside)

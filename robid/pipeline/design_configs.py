@@ -16,7 +16,8 @@ from robid.design.configurations.information import ConfigurationDesign
 from robid.design.configurations.stability import Trial, stability
 from robid.pipeline.design_comparison import alternatives, choose
 from robid.pipeline.design_information import gather_information
-from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_outputs import predicted_there
+from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.design_tasks import design_tasks
 from robid.pipeline.plans import visit_s
 from robid.pipeline.stage import Job, counted
@@ -40,7 +41,8 @@ def run(job: Job) -> str:
     predicts = options.criterion == "prediction"
     parts = None
     if predicts:
-        parts = predicted_there(job, gather_prediction(job, design_tasks(job), found.between), found.between)
+        parts = gather_prediction(job, design_tasks(job), found.between)
+        parts = predicted_there(job, parts, found.between, found.configurations)
     choice = choose(found, options, cost, parts)
     # Choices by each half of the realizations, judged by the other; else by each draw, judged by their mean.
     mean = found.matrices.mean(axis=0)
@@ -55,6 +57,7 @@ def run(job: Job) -> str:
         # What optimal weights of the chosen ones would be worth is no measure of a fit that has others.
         choice = replace(choice, rounding_loss=float("nan"), choice_efficiency=choice.efficiency)
     choice = replace(choice, cost_s=cost, stability=repeated, joint_units=job.loaded.robot.joint_units)
+    choice = replace(choice, predict=design.predict)
     choice = replace(choice, alternatives=alternatives(job, found, choice, parts))
     write_artifact(job.output, design_to_artifact(choice, job.provenance()))
     return choice_phrase(choice)

@@ -13,7 +13,6 @@ from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import read_artifact
 from robid.design.configurations.candidates import choose_parameters
 from robid.design.configurations.measured import Derivatives
-from robid.design.configurations.options import InformationOptions
 from robid.design.configurations.predicted import Lacking, assumed_prediction, measured_prediction
 from robid.design.configurations.prediction import PredictionParts, joined
 from robid.frf.frf import Frf
@@ -21,14 +20,12 @@ from robid.models.elastic.fit.fitting import set_up
 from robid.models.elastic.fit.nuisance.linear import Basis, list_linearised
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.weights import assumed_error, make_whitening
-from robid.pipeline.configurations import configurations_of
 from robid.pipeline.design_tasks import (
     UNREAD,
     AssumedTask,
     MeasuredTask,
     element_weights,
     prior_decades,
-    tasks_at,
     without_torques,
 )
 from robid.pipeline.stage import Job
@@ -36,7 +33,7 @@ from robid.robot.description import Robot
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
-from robid.signals.quantities import motor_channels
+from robid.signals.quantities import Channel, motor_channels
 
 
 @dataclass(frozen=True)
@@ -60,16 +57,6 @@ def gather_prediction(job: Job, tasks: Sequence[AssumedTask | MeasuredTask], bet
     return joined([each for each, _ in found], [count for _, count in found])
 
 
-def predicted_there(job: Job, parts: PredictionParts, between: FloatArray) -> PredictionParts:
-    """Parts whose responses to predict are in the configurations that a design names, where it names some."""
-    name = job.loaded.experiment.designs[job.owner].predict_at
-    if name is None:
-        return parts
-    places = configurations_of(job.loaded, job.loaded.experiment.campaigns[name], {})
-    there = gather_prediction(job, tasks_at(job, places), between)
-    return replace(parts, own=there.own, mixed=there.mixed, whole=there.whole)
-
-
 def _made(part: _Part) -> tuple[PredictionParts, int]:
     task = part.task
     if isinstance(task, MeasuredTask):
@@ -81,13 +68,22 @@ _LINES = 20
 """Lines that are looked at, at least: errors of predictions are means over all of them."""
 
 
+def thinned(task: AssumedTask) -> AssumedTask:
+    """The same with fewer lines."""
+    return replace(task, frequency_hz=task.frequency_hz[:: _step(task)])
+
+
+def _step(task: AssumedTask) -> int:
+    return max(1, task.frequency_hz.size // _LINES)
+
+
 def assumed_parts(task: AssumedTask, between: FloatArray) -> PredictionParts:
     """Computes what some candidates add to a fit by assumed errors, and how a model predicts all of these."""
     about, robot = task.about, task.robots[0]
-    step = max(1, task.frequency_hz.size // _LINES)
-    task = replace(task, frequency_hz=task.frequency_hz[::step])
+    step = _step(task)
+    task = thinned(task)
     wanted = choose_parameters(robot, about.free, about.along(), about.fixed)
-    frf = _nominal(robot, task)
+    frf = nominal_frf(robot, task)
     return assumed_prediction(
         robot,
         task.configurations,
@@ -98,7 +94,7 @@ def assumed_parts(task: AssumedTask, between: FloatArray) -> PredictionParts:
         about.assumed_relative_error / np.sqrt(step),
         wanted,
         element_weights(about.weights, task.frequency_hz, *frf.response.shape[2:]),
-        _lacking(robot, frf, ElasticOptions(free=_free(about), fixed=about.fixed), task.delay_s),
+        lacking_at(robot, frf, options_of(task), task.delay_s),
         between,
     )
 
@@ -106,7 +102,7 @@ def assumed_parts(task: AssumedTask, between: FloatArray) -> PredictionParts:
 def _measured(task: MeasuredTask, between: FloatArray) -> PredictionParts:
     about, robot = task.about, task.robots[0]
     frf = frf_from_artifact(read_artifact(task.frf, FRF, row=task.row, leave_out=(*UNREAD, "realization_error")))
-    options = task.fit or ElasticOptions(free=_free(about), fixed=about.fixed)
+    options = options_of(task)
     frf = frf if options.correct_torques else without_torques(frf)
     importance = element_weights(about.weights, frf.frequency_hz, *frf.response.shape[2:])
     # Without a fit's own weights, those of independent errors.
@@ -120,21 +116,24 @@ def _measured(task: MeasuredTask, between: FloatArray) -> PredictionParts:
         Derivatives(robot, frf, task.delay_s, model_error, *wanted),
         weights,
         importance,
-        _lacking(robot, frf, replace(options, free=_free(about), fixed=about.fixed), task.delay_s),
+        lacking_at(robot, frf, options, task.delay_s),
         between,
         residual=options.residual,
         whitening=make_whitening(frf, weights > 0, options.residual) if correlated else None,
     )
 
 
-def _free(about: InformationOptions) -> tuple[str, ...]:
-    return (*about.free, *about.along())
+def options_of(task: AssumedTask | MeasuredTask) -> ElasticOptions:
+    """Options of the fit that a design is for, about the design's own parameters."""
+    about = task.about
+    return replace(task.fit or ElasticOptions(), free=(*about.free, *about.along()), fixed=about.fixed)
 
 
-def _nominal(robot: Robot, task: AssumedTask) -> Frf:
-    """The response of the robot file in some candidates, without errors."""
+def nominal_frf(robot: Robot, task: AssumedTask, tool: tuple[str, ...] = ()) -> Frf:
+    """The response of the robot file in some candidates, without errors; at the tool by trackers, where named."""
     names = tuple(joint.name for joint in robot.joints)
-    linear = linearize(build_model(robot), solve_statics(build_model(robot), task.configurations), names)
+    rest = solve_statics(build_model(robot), task.configurations)
+    linear = linearize(build_model(robot), rest, tool or names)
     found = response(linear, nominal_parameters(robot, linear, task.delay_s), task.frequency_hz, task.sampling_period_s)
     n_conf, n_freq, n_out, n_in = found.sampled.shape
     return Frf(
@@ -153,12 +152,13 @@ def _nominal(robot: Robot, task: AssumedTask) -> Frf:
         coefficient_relative_std=np.zeros(0),
         removed_torque_rms=np.zeros((n_conf, n_in)),
         sampling_period_s=task.sampling_period_s,
-        input_channels=motor_channels(names, "torque"),
-        output_channels=motor_channels(names, "acceleration"),
+        input_channels=tuple(replace(each, unit=task.drive_unit) for each in motor_channels(names, "torque")),
+        output_channels=tuple(Channel(name, "acceleration", "m/s^2", "tool") for name in tool)
+        or motor_channels(names, "acceleration"),
     )
 
 
-def _lacking(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> Lacking:
+def lacking_at(robot: Robot, frf: Frf, options: ElasticOptions, delay: float) -> Lacking:
     """What the robot file may have wrong or lack, beside the parameters, by its own priors."""
     # Columns are those of the logarithm, and springs straight: how far they swing is not known yet.
     straight = replace(robot, springs=tuple(replace(spring, cubic=0.0) for spring in robot.springs))

@@ -79,6 +79,8 @@ class AssumedTask(_Task):
     configurations: FloatArray
     frequency_hz: FloatArray
     sampling_period_s: float
+    fit: ElasticOptions | None = None
+    drive_unit: str = "N m"  # Of the responses that a fit would have; without known torques, gains are nothing's error
 
 
 @dataclass(frozen=True)
@@ -145,20 +147,27 @@ def _assumed(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray |
     return _assumed_at(job, robots, delay, every if some is None else every[some])
 
 
-def tasks_at(job: Job, configurations: FloatArray) -> Sequence[AssumedTask]:
-    """Tasks of other configurations (n_conf, n_joint) [rad] than a design's own, by assumed errors."""
-    robot, delay, _ = design_point(job, job.loaded.experiment.designs[job.owner])
-    return _assumed_at(job, (robot,), delay, configurations)
+def tasks_at(job: Job, configurations: FloatArray, size: int = _CHUNK) -> Sequence[AssumedTask]:
+    """Tasks of other configurations (n_conf, n_joint) [rad] than a design's own, by assumed errors, `size` each."""
+    design = job.loaded.experiment.designs[job.owner]
+    robot, delay, _ = design_point(job, design)
+    found = _assumed_at(job, (robot,), delay, configurations, size)
+    if design.information == "assumed":
+        return found
+    unit = frf_from_artifact(read_artifact(job.inputs["frf"], FRF, row=0, leave_out=UNREAD)).input_unit
+    return [replace(task, drive_unit=unit) for task in found]
 
 
-def _assumed_at(job: Job, robots: tuple[Robot, ...], delay: float, candidates: FloatArray) -> list[AssumedTask]:
+def _assumed_at(
+    job: Job, robots: tuple[Robot, ...], delay: float, candidates: FloatArray, size: int = _CHUNK
+) -> list[AssumedTask]:
     design = job.loaded.experiment.designs[job.owner]
     campaign = job.loaded.experiment.campaigns[design.campaign]
     period = campaign_sampling_s(job.loaded, campaign)
     frequency_hz = campaign_lines(job.loaded, campaign)[0] / campaign.excitation.period_s
-    parts = [candidates[begin : begin + _CHUNK] for begin in range(0, len(candidates), _CHUNK)]
-    about = about_options(job.loaded.experiment, design)
-    return [AssumedTask(robots, about, delay, part, frequency_hz, period) for part in parts]
+    parts = [candidates[begin : begin + size] for begin in range(0, len(candidates), size)]
+    about, fit = about_options(job.loaded.experiment, design), fit_options(job.loaded.experiment, design)
+    return [AssumedTask(robots, about, delay, part, frequency_hz, period, fit) for part in parts]
 
 
 def _measured(job: Job, robots: tuple[Robot, ...], delay: float, some: IntArray | None) -> list[MeasuredTask]:

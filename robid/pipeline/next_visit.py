@@ -16,7 +16,8 @@ from robid.design.configurations.prediction import ExpectedError, with_further
 from robid.models.elastic.files import solution_from_artifact
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.design_information import between_std
-from robid.pipeline.design_prediction import gather_prediction, predicted_there
+from robid.pipeline.design_outputs import predicted_there
+from robid.pipeline.design_prediction import gather_prediction
 from robid.pipeline.design_tasks import tasks_at
 from robid.pipeline.plans import about_options
 from robid.pipeline.stage import Job
@@ -56,7 +57,8 @@ def propose_visit(job: Job, visited: FloatArray) -> Proposal:
         design = replace(design, between=design.prior)
     between = between_std(job, design, names)
     counts, others = _visits(candidates, visited)
-    error = predicted_there(job, gather_prediction(job, tasks_at(job, candidates), between), between)
+    error = gather_prediction(job, tasks_at(job, candidates), between)
+    error = predicted_there(job, error, between, candidates)
     if len(others):
         # Responses to predict stay those of the candidates alone.
         error = with_further(error, gather_prediction(job, tasks_at(job, others), between))

@@ -16,7 +16,9 @@ _NO_WEIGHT = 1e-4
 
 
 def _whose(design: ConfigurationDesign) -> str:
-    return ("" if design.criterion == "prediction" else "parameters' ") + _CRITERIA[design.criterion]
+    if design.criterion == "prediction":
+        return f"error in predicted {PREDICTED[design.predict]}"
+    return f"parameters' {_CRITERIA[design.criterion]}"
 
 
 def worth_phrase(design: ConfigurationDesign) -> str:
@@ -80,8 +82,15 @@ _CRITERIA = {
     "d": "volume (D)",
     "a": "mean variance (A)",
     "e": "worst combination (E)",
-    "prediction": "error in predicted responses (prediction)",
+    "prediction": "error in predictions (prediction)",
 }
+PREDICTED = {
+    "response": "responses",
+    "resonances": "resonances",
+    "tool_displacement": "tool displacement",
+    "feedforward_torque": "feed-forward torques",
+}
+"""What a model is to predict, in words."""
 _WAYS = {
     "d": "criterion d",
     "a": "criterion a",
@@ -179,7 +188,7 @@ def _quality(design: ConfigurationDesign) -> Table:
 
 def alternative_table(design: ConfigurationDesign) -> Table:
     """Lays out what as many configurations would give by each way to choose them."""
-    heads = ("Chosen by", "Median", "Worst", "Prediction", "By noise", "By what the model lacks")
+    heads = ("Chosen by", "Median", "Worst", "Prediction", "Noise", "Lacking", "Resonances")
     rows = tuple(
         (
             _WAYS[each.way] + (" (this one)" if each.way == design.criterion else ""),
@@ -193,6 +202,7 @@ def alternative_table(design: ConfigurationDesign) -> Table:
                     each.bias_error,
                 )
             ),
+            percent(each.resonance_error) if np.isfinite(each.resonance_error) else "none",
         )
         for each in design.alternatives
     )
@@ -200,14 +210,16 @@ def alternative_table(design: ConfigurationDesign) -> Table:
         heads,
         rows,
         title="What as many configurations give",
-        caption="Median and worst: of the parameters' relative deviations. Prediction: expected"
-        " relative error of the candidates' responses, by the priors of what the robot file may have wrong when the"
-        " choice was made. Criteria d, a and e serve a model whose springs are wanted, prediction one that predicts.",
+        caption="Median and worst: of the parameters' relative deviations. Prediction: expected relative error of"
+        f" {PREDICTED[design.predict]} (root mean square), by the priors of what the robot file may have wrong when the"
+        " choice was made, with its parts by noise and by what the model lacks; resonances: the same of undamped"
+        " resonances. Criteria d, a and e serve a model whose springs are wanted, prediction one that predicts.",
     )
 
 
 def alternative_figure(design: ConfigurationDesign) -> Bars:
     """Shows the same: deviations of the parameters and errors of predictions."""
+    resonant = all(np.isfinite(each.resonance_error) for each in design.alternatives)
     return Bars(
         title="What as many configurations give",
         value_title="Relative deviation [%]",
@@ -215,11 +227,12 @@ def alternative_figure(design: ConfigurationDesign) -> Bars:
         parts=(
             ("parameters", tuple(100 * each.relative_std for each in design.alternatives)),
             ("prediction", tuple(100 * each.prediction_error for each in design.alternatives)),
+            *((("resonances", tuple(100 * each.resonance_error for each in design.alternatives)),) if resonant else ()),
         ),
         flat=True,
         label_title="Chosen by",
-        caption="Median of the parameters' relative deviations, and the predicted responses' relative error (root mean"
-        " square).",
+        caption="Median of the parameters' relative deviations, and the relative error (root mean square) of predicted"
+        f" {PREDICTED[design.predict]} and of resonances.",
     )
 
 

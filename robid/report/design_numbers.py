@@ -46,9 +46,12 @@ class WayNumbers:
     way: Annotated[str, Meaning("A criterion, or `random`, `random_best`, `random_worst`: median, best, worst tenth.")]
     relative_std: Annotated[float, Meaning("Median of the parameters' relative deviations.")]
     worst_relative_std: Annotated[float, Meaning("The largest of them.")]
-    prediction_error: Annotated[float, Meaning("Expected relative error of predicted responses, root mean square.")]
+    prediction_error: Annotated[float, Meaning("Expected relative error of predictions, root mean square.")]
     noise_error: Annotated[float, Meaning("The part that noise and what differs between configurations have.")]
     bias_error: Annotated[float, Meaning("The part that what the model lacks has.")]
+    resonance_error: Annotated[
+        float | None, Meaning("Expected relative error of predicted resonances; null where the band has none.")
+    ]
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,7 @@ class DesignNumbers:
     """A choice of configurations and what it promises."""
 
     criterion: Annotated[str, Meaning("What it maximises, as `d`.")]
+    predict: Annotated[str, Meaning("What the model is to predict, as `response`.")]
     gap: Annotated[float, Meaning("Certificate: no weights are worth more than 1 + `gap` times as much.")]
     efficiency: Annotated[float, Meaning("Worth of the choice over the bound on any weights.")]
     choice_efficiency: Annotated[float, Meaning("The same over the bound on as many different candidates.")]
@@ -92,6 +96,7 @@ def design_numbers(design: ConfigurationDesign) -> DesignNumbers:
         told = StabilityNumbers(stability.source, tuple(stability.kept.tolist()), tuple(stability.efficiency.tolist()))
     return DesignNumbers(
         criterion=design.criterion,
+        predict=design.predict,
         gap=design.gap,
         efficiency=design.efficiency,
         choice_efficiency=design.choice_efficiency,

@@ -10,7 +10,7 @@ import pydantic.dataclasses
 from pydantic import ConfigDict, Field, create_model, model_validator
 
 from robid.arrays import group, option
-from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions
+from robid.design.configurations.options import CostOptions, DesignOptions, InformationOptions, OutputName
 from robid.design.excitation.options import (
     ArbitraryOptions,
     ChosenLineOptions,
@@ -243,6 +243,12 @@ class Design(CostOptions, InformationOptions, DesignOptions):
         None,
         "Campaign in whose configurations the model is to predict; the candidates' when not given. For `criterion: "
         "prediction`, and the comparison of every design. Lines and payload are the candidates'.",
+    )
+    predict: OutputName = option(
+        "response",
+        "What it is to predict there, by relative errors: motors' accelerations per torque (`response`), undamped "
+        "resonances in the band of the excitation, the tool's motion per torque (of the payload's centre of mass; "
+        "`tool_displacement`), or the torques for motions of all motors (`feedforward_torque`).",
     )
 
     def options(self) -> DesignOptions:

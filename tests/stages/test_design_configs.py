@@ -458,3 +458,35 @@ def test_where_to_predict_must_be_stated(chosen, name, code):
     answer = chosen.robid("design-configs", FILE, "--design", "far")
     assert answer.code == 2
     assert code in answer.err
+
+
+@pytest.mark.parametrize("output", ["resonances", "tool_displacement", "feedforward_torque"])
+@pytest.mark.parametrize("information", ["assumed", "measured"])
+def test_what_is_predicted_is_what_the_choice_is_best_at(chosen, output, information):
+    """No criterion and no draw gives a smaller expected error of that output than the choice for it."""
+    own = f"campaign: candidates, count: 2, information: {information}, criterion: prediction"
+    chosen.change("  best: {", f"  told: {{{own}, predict: {output}}}\n  best: {{", file=FILE)
+    answer = chosen.robid("design-configs", FILE, "--design", "told")
+    assert answer.code == 0, answer.err
+    design = design_of(chosen, "told")
+    errors = {each.way: each.prediction_error for each in design.alternatives}
+    assert errors["prediction"] <= 1.000001 * min(errors.values())
+    assert design.predict == output
+    beside = np.array([each.resonance_error for each in design.alternatives])
+    assert (beside > 0).all()
+    if output == "resonances":
+        np.testing.assert_allclose(beside, [each.prediction_error for each in design.alternatives], rtol=1e-6)
+
+
+def test_resonances_that_are_not_there_are_not_predicted(chosen):
+    own = "campaign: slow, count: 2, criterion: prediction, predict: resonances"
+    chosen.change("  best: {", f"  told: {{{own}}}\n  best: {{", file=FILE)
+    chosen.change(
+        "campaigns:\n",
+        "campaigns:\n  slow:\n    configurations: {random: {count: 4, seed: 1}}\n"
+        "    excitation: {period_s: 5, low_hz: 1, high_hz: 3, count: 4, rms: 6, seed: 1}\n",
+        file=FILE,
+    )
+    answer = chosen.robid("design-configs", FILE, "--design", "told")
+    assert answer.code == 4
+    assert "D605" in answer.err

@@ -154,10 +154,14 @@ def relative_derivatives(
     sampling_period_s: float,
     delay_s: float,
     wanted: ParametersOfInterest,
+    outputs: tuple[str, ...] | None = None,
 ) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_estimated) of the log response by log-parameters and nuisances."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_estimated) of the log response by log-parameters and nuisances.
+
+    Outputs are the motors' accelerations when not named.
+    """
     model = build_model(robot)
-    linear = linearize(model, solve_statics(model, configurations))
+    linear = linearize(model, solve_statics(model, configurations), outputs)
     nominal = nominal_parameters(robot, linear, delay_s)
     result = response(linear, nominal, frequency_hz, sampling_period_s)
     plain = jacobian(linear, nominal, result, wanted.kinds)[..., wanted.columns]

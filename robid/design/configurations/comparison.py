@@ -14,7 +14,7 @@ from robid.design.configurations.prediction import ExpectedError
 
 _DRAWS = 100  # Random choices
 _SEED = 1
-_FIGURES = ("relative_std", "worst_relative_std", "prediction_error", "noise_error", "bias_error")
+_FIGURES = ("relative_std", "worst_relative_std", "prediction_error", "noise_error", "bias_error", "resonance_error")
 
 
 @dataclass(frozen=True)
@@ -24,9 +24,10 @@ class Alternative:
     way: str  # A criterion, or `random`, `random_best` and `random_worst`: median, and one in ten better or worse
     relative_std: float  # Median of the wanted parameters' relative deviations
     worst_relative_std: float  # The largest one
-    prediction_error: float  # Root mean square relative error that is expected of predicted responses
+    prediction_error: float  # Root mean square relative error that is expected of what the model is to predict
     noise_error: float  # The part of it that noise and what differs between configurations have
     bias_error: float  # The part that what the model lacks has
+    resonance_error: float = np.nan  # The same of resonances; NaN where there is none in the band
 
 
 Deviations: TypeAlias = Callable[[IntArray], FloatArray]
@@ -43,17 +44,23 @@ def fitted_deviations(error: ExpectedError, wanted: int) -> Deviations:
     return deviations
 
 
-def alternative(way: str, error: ExpectedError, counts: IntArray, deviations: Deviations) -> Alternative:
-    """What numbers of experiments (n_cand,) give of the parameters, and of the prediction."""
+def alternative(
+    way: str, error: ExpectedError, counts: IntArray, deviations: Deviations, resonances: ExpectedError | None = None
+) -> Alternative:
+    """What numbers of experiments (n_cand,) give of the parameters, of the prediction, and of resonances."""
     noise, bias = error.errors(counts)
     std = deviations(counts)
-    return Alternative(
-        way, float(np.median(std)), float(std.max()), *np.sqrt([noise + bias, noise, max(bias, 0.0)]).tolist()
-    )
+    beside = np.nan if resonances is None else sum(resonances.errors(counts))
+    errors = np.sqrt([noise + bias, noise, max(bias, 0.0), beside]).tolist()
+    return Alternative(way, float(np.median(std)), float(std.max()), *errors)
 
 
 def random_alternatives(
-    error: ExpectedError, count: int, experiments: int, deviations: Deviations
+    error: ExpectedError,
+    count: int,
+    experiments: int,
+    deviations: Deviations,
+    resonances: ExpectedError | None = None,
 ) -> tuple[Alternative, ...]:
     """The same of configurations drawn at random, their visits shared out evenly: median, best and worst tenth."""
     generator, size = np.random.default_rng(_SEED), error.parts.bread.shape[1]
@@ -62,7 +69,7 @@ def random_alternatives(
         drawn = generator.choice(size, min(count, size), replace=False)
         counts = np.zeros(size, int)
         np.add.at(counts, drawn[np.arange(experiments) % drawn.size], 1)
-        found.append(alternative("random", error, counts, deviations))
+        found.append(alternative("random", error, counts, deviations, resonances))
     ways = {"random": 0.5, "random_best": 0.1, "random_worst": 0.9}
     values = {name: [getattr(each, name) for each in found] for name in _FIGURES}
     return tuple(
@@ -72,7 +79,11 @@ def random_alternatives(
 
 
 def compare(
-    chosen: Mapping[str, Callable[[], IntArray]], error: ExpectedError, options: DesignOptions, deviations: Deviations
+    chosen: Mapping[str, Callable[[], IntArray]],
+    error: ExpectedError,
+    options: DesignOptions,
+    deviations: Deviations,
+    resonances: ExpectedError | None = None,
 ) -> tuple[Alternative, ...]:
     """What each way to choose gives, and random choices of as many.
 
@@ -81,9 +92,11 @@ def compare(
         error: What is expected of them.
         options: How many configurations and experiments.
         deviations: What they promise of the parameters.
+        resonances: The same error of resonances, where there are any.
     """
-    own = tuple(alternative(way, error, choose(), deviations) for way, choose in chosen.items())
-    return (*own, *random_alternatives(error, options.count, options.experiments or options.count, deviations))
+    own = tuple(alternative(way, error, choose(), deviations, resonances) for way, choose in chosen.items())
+    size = options.count, options.experiments or options.count
+    return (*own, *random_alternatives(error, *size, deviations, resonances))
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from robid.design.configurations.criteria import (
     checked_scale,
     is_regular,
 )
-from robid.design.configurations.options import DesignOptions
+from robid.design.configurations.options import DesignOptions, OutputName
 from robid.design.configurations.plan import ConfigurationPlan, checked_plan, choose_counts
 from robid.design.configurations.relaxed import Relaxed
 from robid.design.configurations.visits import FittedInformation, Visits, make_visits, merged
@@ -70,6 +70,7 @@ class ConfigurationDesign:
     stability: Stability | None = None
     joint_units: Annotated[tuple[str, ...] | None, Quantity("1", "joint", "Units of the joints' positions")] = None
     between_relative_std: Annotated[FloatArray | None, Quantity("1", "parameter", _BETWEEN)] = None
+    predict: OutputName = "response"  # What the model is to predict
     # What as many configurations would give by each criterion and at random; empty where it was not computed
     alternatives: Annotated[tuple[Alternative, ...], Quantity("1", "way")] = ()
 

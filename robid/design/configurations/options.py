@@ -17,6 +17,8 @@ ALONG = tuple(kind for kind in FREE if kind not in OF_SPRINGS)
 
 CriterionName = Literal["d", "a", "e", "prediction"]
 
+OutputName = Literal["response", "resonances", "tool_displacement", "feedforward_torque"]
+
 NuisanceKind = Literal[LogarithmicKind, ResponseNuisance]
 
 

@@ -120,6 +120,8 @@ def measured_prediction(
         local = parts_of_one(row.own, row.weighted, moved, lacking.cluster_std, apart)
         # The prediction is judged by relative errors, whatever the fit's residual.
         j = row.own if residual is LOGARITHM else derivatives.at(index)[0]
+        # Friction that was compensated moves the measured response, and no prediction.
+        j = np.where(np.arange(n_all) < derivatives.wanted.precision.size, j, 0.0)
         means = predicted_means(j, further, importance.reshape(share.shape) * share, lacking.root)
         found.append((bread, row.meat(), row.best, *local, *means))
     return stacked(found, derivatives.precision, lacking.root)

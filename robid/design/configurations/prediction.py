@@ -14,6 +14,7 @@ from robid.design.configurations.relaxed import Relaxed, relaxed_design
 _CHUNK = 256
 _LEFT_OUT = 1e-4  # Share of what the model may lack, as fits of all candidates see it, that exchange leaves out
 _ADDED = ("bread", "noise", "best", "apart", "lacking")  # Of each candidate
+_SILENT = 1e-6  # Of the mean variance of outputs, what parameters that move none count in the relaxed problem
 _UNSEEN = 1e-9  # Of all candidates' mean, what makes sums of few experiments regular
 
 
@@ -46,6 +47,12 @@ class PredictionParts:
         if prior is not None:
             known[: len(prior), : len(prior)] += prior
         return known
+
+    def predicting(self, own: FloatArray, mixed: FloatArray, whole: FloatArray) -> PredictionParts:
+        """The same with means over other outputs, which the last parameters need not move: friction of measurements."""
+        missing = self.own.shape[-1] - own.shape[-1]
+        own, mixed = np.pad(own, ((0, 0), (0, missing), (0, missing))), np.pad(mixed, ((0, 0), (0, missing), (0, 0)))
+        return replace(self, own=own, mixed=mixed, whole=whole)
 
     def compressed(self) -> PredictionParts:
         """The same with few combinations of what the model may lack: those that fits of the candidates see."""
@@ -214,10 +221,14 @@ class ExpectedError:
 
         `tr(L M^-1)` is the mean variance, criterion A, of the parameters `R x` with `R' R = L`.
         """
-        root = np.linalg.inv(np.linalg.cholesky(_regular(self.parts.own)))
+        parts, known = self.parts, (self.prior + _UNSEEN * self.parts.bread.mean(axis=1)) / budget
+        # Parameters that move no output, as dampers no resonance, count a little, each as it is told.
+        told = _regular(known + (parts.best / cost[:, None, None]).mean(axis=1))
+        size = np.trace(np.linalg.solve(told, parts.own), axis1=-2, axis2=-1) / told.shape[-1]
+        root = np.linalg.inv(np.linalg.cholesky(parts.own + _SILENT * size[:, None, None] * told))
         back = root.swapaxes(-1, -2)
-        matrices = root[:, None] @ (self.parts.best / cost[:, None, None]) @ back[:, None]
-        prior = root @ (self.prior + _UNSEEN * self.parts.bread.mean(axis=1)) @ back / budget
+        matrices = root[:, None] @ (parts.best / cost[:, None, None]) @ back[:, None]
+        prior = root @ known @ back
         return relaxed_design(matrices, criterion="a", gap=gap, iterations=iterations, prior=prior, limit=limit)
 
     def bound(self, found: Relaxed, budget: float) -> float:
