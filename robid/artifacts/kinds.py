@@ -35,6 +35,9 @@ Schema history:
         2.1: `dropped`.
         2.2: `saturated_inputs`, `saturated_outputs`.
         2.3: each channel has `sampled`: what its samples are.
+        2.4: `line_scale`, of responses that were measured elsewhere.
+    files:
+        1.0: first version.
     design:
         1.0: first version.
         1.1: criterion, slopes, counts, gain, rounding loss; the gap is relative. Files of 1.0 are refused.
@@ -67,6 +70,7 @@ if TYPE_CHECKING:
 with later(__name__):
     from robid.design.configurations.information import ConfigurationDesign
     from robid.design.excitation.excitation import CampaignExcitation
+    from robid.frf.files import ResponseFiles
     from robid.frf.frf import Frf
     from robid.signals.record import Record
 
@@ -195,7 +199,8 @@ def _without_none(hint: object) -> tuple[object, bool]:
 
 EXCITATION = Kind("excitation", "1.3", "robid design-excitation")
 RECORD = Kind("record", "2.2", "robid simulate-or-acquire")
-FRF = Kind("frf", "2.3", "robid estimate-frf")
+FRF = Kind("frf", "2.4", "robid estimate-frf")
+FILES = Kind("files", "1.0", "robid simulate-or-acquire")
 DESIGN = Kind("design", "1.6", "robid design-configs")
 TASK = Kind("task", "1.0", "robid study")
 
@@ -218,6 +223,16 @@ def record_to_artifact(record: Record, provenance: Provenance) -> Artifact:
 def record_from_artifact(artifact: Artifact) -> Record:
     """The inverse of `record_to_artifact`, up to the rounding of the samples to float32."""
     return from_datasets(imported(Record), artifact)
+
+
+def files_to_artifact(files: ResponseFiles, provenance: Provenance) -> Artifact:
+    """Turns what files of responses hold into an artifact."""
+    return Artifact(FILES, *to_datasets(files), provenance)
+
+
+def files_from_artifact(artifact: Artifact) -> ResponseFiles:
+    """The inverse of `files_to_artifact`."""
+    return from_datasets(imported(ResponseFiles), artifact)
 
 
 def frf_to_artifact(frf: Frf, provenance: Provenance) -> Artifact:

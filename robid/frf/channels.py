@@ -28,6 +28,11 @@ def to_accelerations(record: Record, options: EstimateOptions) -> bool:
     return options.outputs == "acceleration"
 
 
+def response_kept(options: EstimateOptions) -> bool | None:
+    """Whether motions of responses that were measured elsewhere become accelerations; None where inputs decide."""
+    return None if options.outputs == "auto" else options.outputs == "acceleration"
+
+
 def require(frf: Frf, inputs: UsableChannels, outputs: UsableChannels, reader: str) -> None:
     """Refuses a response whose channels are not what its reader can use.
 

@@ -30,6 +30,7 @@ class Frf:
     the covariance of the output residual, `input_factor` the mean of `(U U^H)^-T` over realizations divided by
     their number (docs/methods, sec. 4), and `S` diagonal with the roots of `element_scale`: distortion that follows
     the inputs through a block, as friction does, gathers in some elements, which the product alone cannot hold.
+    Responses that were measured elsewhere may have a variance of each element at each line: `line_scale`.
     """
 
     frequency_hz: Annotated[FloatArray, Quantity("Hz", "frequency", "Excited frequencies")]
@@ -136,6 +137,8 @@ class Frf:
     # Share of the time in which each input saturates, see `robid.frf.channels`. None where it is unknown.
     saturated_inputs: Annotated[_Float, Quantity("1", _INPUT, "Share of time at a limit")] = None
     saturated_outputs: Annotated[_Float, Quantity("1", _OUTPUT, "Share of time at a limit")] = None
+    # Further to `element_scale`, line by line: of responses whose elements have variances of their own. None for 1
+    line_scale: Annotated[_Float, Quantity("1", _RESPONSE, "Further element variance over that of the product")] = None
 
     def __repr__(self) -> str:
         band = f"{len(self.frequency_hz)} lines from {self.frequency_hz[0]:.4g} to {self.frequency_hz[-1]:.4g} Hz"
@@ -219,9 +222,15 @@ class Frf:
         # The diagonal of `input_factor (x) C_v`: element (o, i) has C_v[o, o] times the factor's [i, i].
         rows = np.real(np.diagonal(chosen, axis1=-2, axis2=-1))
         columns = np.real(np.diagonal(self.input_factor, axis1=-2, axis2=-1))
-        scale = 1.0 if noise_only else self.element_scale[:, None]
+        scale = 1.0 if noise_only else self.scale
         variance = np.asarray(rows[..., :, None] * columns[..., None, :] * scale)
         return variance if self.dropped is None else np.where(self.dropped[:, :, None], np.inf, variance)
+
+    @property
+    def scale(self) -> FloatArray:
+        """Variance of each element over that of the product (n_conf, n_freq or 1, n_out, n_in)."""
+        own = self.element_scale[:, None]
+        return own if self.line_scale is None else own * self.line_scale
 
     @property
     def degrees_of_freedom(self) -> float:
@@ -236,8 +245,9 @@ class Frf:
         size = left.shape[1] * right.shape[1]
         # vec stacks columns: the input is the slow index, the output the fast one, as in the Kronecker product.
         product = np.einsum("fij,fop->fiojp", left, right).reshape(-1, size, size)
-        root = np.sqrt(self.element_scale[configuration].T.ravel())
-        return np.asarray(product * np.outer(root, root))
+        # In the order of vec: the transpose of each line's scale, row by row.
+        root = np.sqrt(self.scale[configuration].swapaxes(-1, -2).reshape(-1, size))
+        return np.asarray(product * root[:, :, None] * root[:, None, :])
 
     def error_radius(self, level: float) -> FloatArray:
         """Radius that an element's error exceeds with probability 1 - level (n_conf, n_freq, n_out, n_in).

@@ -37,7 +37,7 @@ def configurations_of(loaded: LoadedExperiment, campaign: Campaign, inputs: Mapp
     if loaded.experiment.robot is None:
         return np.zeros((1, 0))
     robot = loaded.robot.to_robot(campaign.payload_kg)
-    measured = campaign.source is not None and campaign.source.acquire is not None
+    measured = campaign.source is not None and campaign.source.measured is not None
     reach = Reach(robot) if measured else reach_of(loaded, robot)
     paths = dict(zip(campaign.designs, design_inputs(campaign), strict=True))
     found = {name: design_from_artifact(read_artifact(inputs[key], DESIGN)) for name, key in paths.items()}

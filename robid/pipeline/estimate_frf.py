@@ -25,6 +25,7 @@ from robid.frf.quality import dropped_lines, saturation_text
 from robid.frf.reading import READS_REFERENCE
 from robid.frf.silent import identify_laws, start_laws
 from robid.models.handed_on import friction_from_artifact
+from robid.pipeline import responses
 from robid.pipeline.stage import Job, counted
 from robid.results.plausible.evidence import Evidence, gather_evidence, join_evidence
 from robid.results.plausible.findings import evidence_findings
@@ -135,6 +136,8 @@ def _estimate_part(task: _Task) -> _Brief:
 
 def run(job: Job) -> str:
     """Estimates a campaign's frequency responses; returns its key figures."""
+    if job.campaign.is_response:
+        return _given(job, responses.estimate(job))
     path = job.inputs["record"]
     options = job.campaign.estimate
     n_conf = read_outline(path, RECORD).n_rows
@@ -155,6 +158,16 @@ def run(job: Job) -> str:
     briefs = [_brief(frf_from_artifact(parts.read(index))) for index in range(n_conf) if index not in todo]
     briefs += job.map(_estimate_part, tasks, lambda _index, _result: job.progress.advance())
     parts.merge(n_conf, job.provenance())
+    return _told(job, briefs)
+
+
+def _given(job: Job, frf: Frf) -> str:
+    """What is to be said of responses that were measured elsewhere."""
+    return _told(job, [_brief(frf.select([index])) for index in range(len(frf.configurations))])
+
+
+def _told(job: Job, briefs: Sequence[_Brief]) -> str:
+    """Warns of what is doubtful about the responses; returns their key figures."""
     for finding in dict.fromkeys(finding for brief in briefs for finding in brief.findings):
         job.progress.warn(finding)
     for told in contradictions(job.loaded, job.owner, join_evidence([brief.evidence for brief in briefs])):

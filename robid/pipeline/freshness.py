@@ -69,7 +69,8 @@ def state_of_output(stage: Stage, plan: Plan, folder: Path, above: Mapping[str, 
     if not output.exists():
         return State("missing", "not made yet")
     try:
-        made = read_stamp(output) if stage.kind is None else read_header(output, stage.kind).provenance
+        kind = plan.kind or stage.kind
+        made = read_stamp(output) if kind is None else read_header(output, kind).provenance
     except ArtifactError as error:
         return _unreadable(error)
     missing = [path for path in plan.outputs if not (folder / path).exists()]
@@ -202,7 +203,8 @@ def check_outputs(loaded: LoadedExperiment, stage: Stage, plan: Plan, inputs: Ma
     Raises:
         ArtifactError: If one would.
     """
-    kinds = [stage.kind.name if stage.kind else "report", *(Path(path).stem for path in plan.outputs[1:])]
+    own = plan.kind or stage.kind
+    kinds = [own.name if own else "report", *(Path(path).stem for path in plan.outputs[1:])]
     read = settings_files(loaded) | {f"the input `{name}`": path for name, path in {**inputs, **plan.files}.items()}
     for path, kind in zip(outputs_at(plan, output), kinds, strict=True):
         check_replaceable(path, kind, read)

@@ -76,7 +76,7 @@ def _table(response: Response, place: int) -> bytes:
         response.origin,
         f"{response.position(place)}.",
         *(f"Output {_told(channel)}." for channel in frf.output_channels),
-        *(f"Measured {each}." for each in _measured(frf)),
+        *(f"{each.name} {_measured_as(frf, row)}" for row, each in enumerate(frf.measured_channels)),
         *(f"Input {_told(channel)}." for channel in frf.input_channels),
         *(["Lines that say too little of an input are NaN."] if frf.dropped is not None else []),
         f"Inputs: {frf.input_hold}, sampled every {frf.sampling_period_s:g} s.",
@@ -129,7 +129,16 @@ def _described(response: Response) -> Content:
         "covariance_note": _covariance_note(frf),
         "degrees_of_freedom": frf.degrees_of_freedom,
         "notes": frf.notes,
+        "lines": frf.lines,
+        "coefficient_names": frf.coefficient_names,
+        **{f"measured_{name}": values for name, values in _measured_parts(frf).items()},
     }
+
+
+def _measured_parts(frf: Frf) -> dict[str, tuple[str, ...]]:
+    """The same word by word, for programs."""
+    parts = {"names": "name", "quantities": "quantity", "units": "unit", "sides": "side", "samples": "sampled"}
+    return {name: tuple(getattr(each, part) for each in frf.measured_channels) for name, part in parts.items()}
 
 
 def _measured(frf: Frf) -> tuple[str, ...]:
@@ -145,11 +154,25 @@ def _arrays(frf: Frf) -> dict[str, FloatArray | ComplexArray | None]:
         "output_covariance": frf.covariance if known else None,
         "input_factor": frf.input_factor if known else None,
         "element_scale": frf.element_scale if known else None,
+        "line_scale": frf.line_scale,
         "noise_variance": None if frf.noise_covariance is None else frf.element_variance(noise_only=True),
         "coherence": frf.coherence,
         "dropped": dropped_lines(frf).astype(float),
         "odd_level": frf.response_level("odd"),
         "even_level": frf.response_level("even"),
+        "line_correlation": frf.line_correlation,
+        "input_amplitude": frf.input_amplitude,
+        **(_compensated(frf) if frf.coefficient_names else {}),
+    }
+
+
+def _compensated(frf: Frf) -> dict[str, FloatArray | ComplexArray | None]:
+    """What a fit corrects of compensated torques."""
+    offset = np.zeros(len(frf.coefficient_names)) if frf.coefficient_offset is None else frf.coefficient_offset
+    return {
+        "sensitivity": frf.sensitivity,
+        "coefficient_relative_std": frf.coefficient_relative_std,
+        "coefficient_offset": offset,
     }
 
 
@@ -235,7 +258,7 @@ def _shared(response: Response, place: int, row: int, column: int) -> dict[str, 
         "binary": 0,
         "id1": _cut(f"{output.name} {output.title} per {given.name} {given.title}", _LINE),
         "id2": _cut(response.origin, _LINE),
-        "id3": "NONE",
+        "id3": _cut(_measured_as(frf, row), _LINE),
         "id4": _cut(response.position(place), _LINE),
         "id5": _cut(f"unit {response.units[row][column]}", _LINE),
         "ver_num": response.numbers[place] + 1,
@@ -254,6 +277,14 @@ def _shared(response: Response, place: int, row: int, column: int) -> dict[str, 
         **_axis("orddenom", given),
         "z_axis_spec_data_type": 0,
     }
+
+
+def _measured_as(frf: Frf, row: int) -> str:
+    """What an output was measured as, which decides what sampling folds down onto its response."""
+    if not frf.measured_channels:
+        return "NONE"
+    one = frf.measured_channels[row]
+    return f"measured as {one.quantity}, {one.side}, {one.unit}, {one.sampled}, freedom {frf.degrees_of_freedom:.6g}"
 
 
 def _axis(name: str, channel: Channel) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from robid.artifacts.kinds import DESIGN
+from robid.artifacts.kinds import DESIGN, FILES
 from robid.artifacts.results import MODEL, VALIDATION, read_grade
 from robid.artifacts.store import read_attributes
 from robid.artifacts.truth import check_vouched
@@ -40,7 +40,7 @@ from robid.settings.robot_parts import (
     require_controller,
     robot_settings,
 )
-from robid.settings.sources import Acquire
+from robid.settings.sources import Acquire, ResponseSource
 from robid.simulate.options import STEP_LIMITS
 
 _WIDE_GAP = 0.01
@@ -178,6 +178,8 @@ def record_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     section = f"campaigns.{owner}"
     settings: dict[str, Any] = {f"{section}.periods": campaign.periods}
     settings[f"{section}.source"] = loaded.plain["campaigns"][owner]["source"]
+    if campaign.source is not None and campaign.source.response is not None:
+        return _files_plan(loaded, campaign, owner, campaign.source.response)
     record = f"{owner}/record.h5"
     inputs = {} if campaign.is_one_shot else {"excitation": f"{owner}/excitation.h5"}
     if campaign.source is not None and campaign.source.acquire is not None:
@@ -195,6 +197,26 @@ def record_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     known: tuple[Part, ...] = ("mechanics", "motor_limits", "friction", "controller", recorded)
     settings |= robot_settings(loaded, *known, *_balances(loaded))
     return Plan((record, f"{owner}/truth.json"), settings, inputs, needed_bytes=_needed_bytes(loaded, campaign))
+
+
+def _files_plan(loaded: LoadedExperiment, campaign: Campaign, owner: str, source: ResponseSource) -> Plan:
+    """Plans the check of files of responses; their configurations decide what is read."""
+    section = f"campaigns.{owner}"
+    plain = loaded.plain["campaigns"][owner]
+    settings = {f"{section}.{key}": plain[key] for key in ("source", "configurations", "estimate")}
+    files = response_files(loaded, campaign, source)
+    return Plan((f"{owner}/files.h5",), settings, design_inputs(campaign), files, kind=FILES)
+
+
+def response_files(loaded: LoadedExperiment, campaign: Campaign, source: ResponseSource) -> dict[str, Path]:
+    """Returns the path of every file of responses by a name that says which it is."""
+    count = configuration_count(loaded.experiment, campaign) or 1
+    found: dict[str, Path] = {}
+    for index in range(count if source.is_numbered else 1):
+        for key, path in source.paths(loaded.path.parent, index).items():
+            of = f" of configuration {index + 1}" if source.is_numbered else ""
+            found[f"response file{of}" if key is None else f"response file{of}, {path.name}"] = path
+    return found
 
 
 def _needed_bytes(loaded: LoadedExperiment, campaign: Campaign) -> float:
@@ -244,6 +266,10 @@ def response_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     """Plans the estimate of frequency responses."""
     campaign = loaded.experiment.campaigns[owner]
     settings: dict[str, Any] = {f"campaigns.{owner}.estimate": loaded.plain["campaigns"][owner]["estimate"]}
+    if campaign.source is not None and campaign.source.response is not None:
+        settings[f"campaigns.{owner}.source"] = loaded.plain["campaigns"][owner]["source"]
+        files = response_files(loaded, campaign, campaign.source.response)
+        return Plan((f"{owner}/frf.h5",), settings, {"files": f"{owner}/files.h5"}, files)
     if campaign.estimate.compensation != "none":
         settings |= {"delay_s": delay_s(loaded, campaign), **robot_settings(loaded, "friction", "friction_std")}
     inputs = {"record": f"{owner}/record.h5"}
@@ -320,7 +346,9 @@ def validation_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     settings |= _payloads(loaded, fit)
     settings |= {f"campaigns.{campaign}.payload_kg": loaded.experiment.campaigns[campaign].payload_kg}
     # Records are read whatever the family reads: samples of the fit are looked for in the new one.
-    seen = {f"seen_{name}": f"{name}/record.h5" for name in fit.campaigns} | {"new_record": f"{campaign}/record.h5"}
+    every = {**{f"seen_{name}": name for name in fit.campaigns}, "new_record": campaign}
+    of = loaded.experiment.campaigns
+    seen = {key: f"{name}/{'files' if of[name].is_response else 'record'}.h5" for key, name in every.items()}
     inputs = {"model": f"fits/{owner}/model.h5", **data_inputs(family.reads, (campaign,)), **truth_input(loaded, fit)}
     return Plan((f"fits/{owner}/validation.h5",), settings, inputs | taken_inputs(fit) | seen)
 

@@ -18,6 +18,8 @@ from robid.design.excitation.excitation import CampaignExcitation
 from robid.logs.mapping import is_still_note
 from robid.logs.period import is_found_note
 from robid.pipeline.acquire import acquire_configuration, acquire_shots, is_radians_note, radians_note, with_lines
+from robid.pipeline.responses import check as check_responses
+from robid.pipeline.responses import phrase as phrase_of_responses
 from robid.pipeline.stage import Job, counted
 from robid.settings.experiment import Campaign
 from robid.settings.fits import part
@@ -36,6 +38,8 @@ _STAGE = "simulate-or-acquire"
 
 def run(job: Job) -> str:
     """Simulates or imports a campaign; returns its key figures."""
+    if job.campaign.is_response:
+        return check_responses(job)
     if job.campaign.is_one_shot:
         return _acquire_shots(job)
     content = excitation_from_artifact(read_artifact(job.inputs["excitation"], EXCITATION))
@@ -48,8 +52,10 @@ def run(job: Job) -> str:
     return _simulate(job, source.simulate or SimulateOptions(), content)
 
 
-def phrase(_loaded: LoadedExperiment, _owner: str, output: Path) -> str:
+def phrase(loaded: LoadedExperiment, owner: str, output: Path) -> str:
     """Says what a record holds, in a phrase."""
+    if loaded.experiment.campaigns[owner].is_response:
+        return phrase_of_responses(output)
     found = inspect_artifact(output)
     shape = found.datasets["inputs"].shape
     period_s = shape[4] * found.attributes["sampling_period_s"]

@@ -30,6 +30,7 @@ class Plan:
     inputs: dict[str, str] = field(default_factory=dict)  # files in the run folder that it reads, by name
     files: dict[str, Path] = field(default_factory=dict)  # files elsewhere that it reads, by name
     needed_bytes: float = 0.0  # room on the disk that it may need
+    kind: Kind | None = None  # kind of the main one, where it is not the stage's
 
 
 @dataclass(frozen=True)
@@ -119,12 +120,17 @@ def measured_campaigns(experiment: Experiment) -> tuple[str, ...]:
 
 def periodic_campaigns(experiment: Experiment) -> tuple[str, ...]:
     """Names of the campaigns that have a source and an excitation that repeats."""
-    return tuple(name for name in measured_campaigns(experiment) if not experiment.campaigns[name].is_one_shot)
+    campaigns = experiment.campaigns
+    measured = measured_campaigns(experiment)
+    return tuple(name for name in measured if not (campaigns[name].is_one_shot or campaigns[name].is_response))
 
 
 def responding_campaigns(experiment: Experiment) -> tuple[str, ...]:
-    """Names of those whose excitation is small enough for a frequency response."""
-    return tuple(name for name in periodic_campaigns(experiment) if experiment.campaigns[name].has_response)
+    """Names of those whose excitation is small enough for a frequency response, or that are given as responses."""
+    played = periodic_campaigns(experiment)
+    campaigns = experiment.campaigns
+    given = tuple(name for name in measured_campaigns(experiment) if campaigns[name].is_response)
+    return (*(name for name in played if campaigns[name].has_response), *given)
 
 
 def check_room(path: Path, needed_bytes: float) -> None:

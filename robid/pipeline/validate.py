@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.kinds import FRF, RECORD, frf_from_artifact, record_from_artifact
+from robid.artifacts.kinds import FILES, FRF, RECORD, files_from_artifact, frf_from_artifact, record_from_artifact
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact, read_outline, write_artifact
 from robid.artifacts.truth import read_truth
@@ -28,7 +28,11 @@ def run(job: Job) -> str:
     """Validates a model; returns what it found."""
     family, inputs = family_of(job.loaded, job.owner), job.inputs
     fit = job.loaded.experiment.fits[job.owner]
-    refuse_copies(fit, {name: inputs[f"seen_{name}"] for name in fit.campaigns}, inputs["new_record"])
+    campaigns, new = job.loaded.experiment.campaigns, fit.validate_on or fit.campaign
+    alike = [name for name in fit.campaigns if campaigns[name].is_response == campaigns[new].is_response]
+    seen = {name: inputs[f"seen_{name}"] for name in alike}
+    refuse = refuse_same_files if campaigns[new].is_response else refuse_copies
+    refuse(fit, seen, inputs["new_record"])
     frf = frf_from_artifact(read_artifact(inputs["frf"], FRF)) if "frf" in inputs else None
     records = (record_from_artifact(read_artifact(inputs["record"], RECORD)),) if "record" in inputs else ()
     true = read_truth(inputs["truth"], inputs["true_record"]) if "truth" in inputs else None
@@ -47,6 +51,21 @@ def phrase(loaded: LoadedExperiment, owner: str, output: Path) -> str:
 
 _SAME_PLACE = 1e-3  # rad, or m
 _SAMPLES = ("inputs", "outputs", "reference")
+
+
+def refuse_same_files(_fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None:
+    """Compares the files of responses of a fit with new ones.
+
+    Raises:
+        DataError: If the content of one is the same.
+    """
+    mine = files_from_artifact(read_artifact(new, FILES))
+    for campaign, path in seen.items():
+        theirs = files_from_artifact(read_artifact(path, FILES))
+        for name, digest in zip(mine.names, mine.sha256, strict=True):
+            if digest in theirs.sha256:
+                what = f"D634 the {name} has the same content as a file of `{campaign}`, which the fit has read"
+                raise DataError(what, where="validate_on", remedy="validate on responses that were measured separately")
 
 
 def refuse_copies(fit: FitSettings, seen: Mapping[str, Path], new: Path) -> None:

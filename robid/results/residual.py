@@ -65,13 +65,13 @@ def whitened_responses(
         error (n_conf, n_freq, n_out, n_in): Errors of the response.
         output (n_conf, n_freq, n_out, n_out): Output factor `C_v`, positive definite.
         given (n_conf, n_freq, n_in, n_in): Input factor `F`, positive definite.
-        scale (n_conf, n_out, n_in): Variance of each element over that of the product.
+        scale (n_conf, n_freq or 1, n_out, n_in): Variance of each element over that of the product.
 
     Returns:
         Whitened errors (n_conf, n_freq, n_out, n_in), `E|w|^2 = 1`.
     """
     left, right = np.linalg.cholesky(output), np.linalg.cholesky(given)
-    plain = error / np.sqrt(scale)[:, None]
+    plain = error / np.sqrt(scale)
     half = np.linalg.solve(left, plain)  # L^-1 X
     # X K^-T = (K^-1 X^T)^T
     return np.asarray(np.swapaxes(np.linalg.solve(right, np.swapaxes(half, -1, -2)), -1, -2))

@@ -25,7 +25,7 @@ from robid.settings.base import STRICT, Name, Section
 from robid.settings.fits import Families, FitSettings, part
 from robid.settings.numbering import counts_from
 from robid.settings.robot import RobotFile
-from robid.settings.sources import Acquire, ExcitationSettings, SimulateSettings
+from robid.settings.sources import Acquire, ExcitationSettings, ResponseSource, SimulateSettings
 
 Rows = Annotated[tuple[Annotated[tuple[float, ...], Field(min_length=1)], ...], Field(min_length=1)]
 _ONE_KEY = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
@@ -112,6 +112,14 @@ class Source(OneKey):
 
     simulate: SimulateSettings | None = option(None, "Simulated in closed loop.")
     acquire: Acquire | None = option(None, "Imported from a log.")
+    response: ResponseSource | None = option(
+        None, "Frequency responses without a record: of an analyser, MATLAB, or a drive's commissioning software."
+    )
+
+    @property
+    def measured(self) -> Acquire | ResponseSource | None:
+        """What was measured on a real robot: logs or responses, with their channels."""
+        return self.acquire or self.response
 
 
 class Campaign(Section):
@@ -148,6 +156,11 @@ class Campaign(Section):
     def is_one_shot(self) -> bool:
         """Whether it is imported from logs that do not repeat."""
         return self.source is not None and self.source.acquire is not None and self.source.acquire.one_shot
+
+    @property
+    def is_response(self) -> bool:
+        """Whether only its frequency responses are there, without a record."""
+        return self.source is not None and self.source.response is not None
 
     @property
     def is_trajectory(self) -> bool:
@@ -205,7 +218,7 @@ class Campaign(Section):
             return values
         signal, source = _signal(values.get("excitation")), values.get("source")
         usual = {"estimator": "local"} if signal == "arbitrary" else {}
-        if signal == "pose_chirp":
+        if signal == "pose_chirp" or (isinstance(source, Mapping) and "response" in source):
             usual["compensation"] = "none"
         elif isinstance(source, Mapping) and "acquire" in source:
             usual["compensation"] = "auto"

@@ -24,6 +24,7 @@ from robid.settings.problems import SettingsProblem, mistyped, problem_at, raise
 from robid.settings.robot import RobotFile, UnknownRobot
 from robid.settings.robot_parts import plain_settings
 from robid.settings.sound_part import LeftOut, names_of, sketch, sound_part, untouched
+from robid.settings.sources import Acquire
 from robid.settings.yaml import Document, FieldPath, load_yaml
 from robid.signals.log_channels import InputChannel, OutputChannel, ReferenceChannel
 
@@ -41,18 +42,19 @@ def with_sides(experiment: Experiment, robot: RobotFile) -> Experiment:
     changed = {}
     for name, campaign in experiment.campaigns.items():
         source = campaign.source
-        acquire = None if source is None else source.acquire
-        if source is None or acquire is None:
+        if source is None or source.measured is None:
             continue
+        measured, key = source.measured, "acquire" if source.response is None else "response"
         joints, sensed = [joint.name for joint in robot.joints], robot.without_motor
-        found = replace(
-            acquire,
-            inputs=tuple(_drive(one, joints, sensed) for one in acquire.inputs),
-            references=tuple(_drive(one, joints, sensed) for one in acquire.references),
-            outputs=tuple(_output(one, joints, sensed) for one in acquire.outputs),
+        found: Any = replace(
+            measured,
+            inputs=tuple(_drive(one, joints, sensed) for one in measured.inputs),
+            outputs=tuple(_output(one, joints, sensed) for one in measured.outputs),
         )
-        if found != acquire:
-            changed[name] = campaign.model_copy(update={"source": source.model_copy(update={"acquire": found})})
+        if isinstance(found, Acquire):
+            found = replace(found, references=tuple(_drive(one, joints, sensed) for one in found.references))
+        if found != measured:
+            changed[name] = campaign.model_copy(update={"source": source.model_copy(update={key: found})})
     return experiment.model_copy(update={"campaigns": {**experiment.campaigns, **changed}}) if changed else experiment
 
 

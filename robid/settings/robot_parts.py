@@ -111,7 +111,9 @@ def require_controller(loaded: LoadedExperiment) -> Controller:
 
 
 def delay_s(loaded: LoadedExperiment, campaign: Campaign) -> float:
-    """Returns the nominal delay from recorded to applied torque: the controller's, none in a log [s]."""
+    """Returns the nominal delay to the applied torque: the controller's, a response's as stated, none in a log [s]."""
+    if campaign.source is not None and campaign.source.response is not None:
+        return campaign.source.response.delay_s
     if campaign.source is not None and campaign.source.acquire is not None:
         return 0.0
     controller = require_controller(loaded)

@@ -28,6 +28,7 @@ from robid.settings.base import DATA_VARIABLE, STRICT, data_path
 from robid.settings.robot import RobotFile
 from robid.settings.robot_sections import SpringSection
 from robid.signals.log_options import LogOptions
+from robid.signals.response_options import ResponseOptions
 from robid.simulate.options import SimulateOptions, Truth
 
 with later(__name__):
@@ -142,6 +143,31 @@ class Acquire(LogOptions):
         if self.time is not None:
             changed["time"] = replace(self.time, variable=_numbered(self.time.variable, indices))
         return LogOptions(**{one.name: changed.get(one.name, getattr(self, one.name)) for one in fields(LogOptions)})
+
+
+_IN_RESPONSE = re.compile(r"\{(configuration)(?::(" + WIDTH.pattern + r"))?\}")
+
+
+@pydantic.dataclasses.dataclass(frozen=True, kw_only=True, config=STRICT)
+class ResponseSource(ResponseOptions):
+    """Frequency responses that were measured elsewhere, and what their files mean."""
+
+    file: str = Field(
+        description="The file of responses. `${ROBID_DATA}` is the data folder; other paths start at the experiment "
+        "file. `{configuration}` is replaced by its number, from 1, where each has a file; else one file has all."
+    )
+
+    @property
+    def is_numbered(self) -> bool:
+        """Whether each configuration has a file of its own."""
+        return _IN_RESPONSE.search(self.file) is not None
+
+    def paths(self, folder: Path, configuration: int) -> dict[str | None, Path]:
+        """Returns the files of a configuration, index from 0: None for `file`, others by their names as written."""
+        names: dict[str | None, str] = {each.file: each.file for each in self.elements if each.file is not None}
+        if not self.elements or any(each.file is None for each in self.elements):
+            names = {None: self.file, **names}
+        return {key: _path(name, folder, (configuration, 0, 0)) for key, name in names.items()}
 
 
 def is_numbered(variable: str, place: str) -> bool:

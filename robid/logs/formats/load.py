@@ -38,13 +38,15 @@ from robid.logs.formats.unpacking import (
     room_for,
 )
 from robid.logs.formats.variables import (
+    EVERY,
     FOREIGN,
-    FORMATS,
+    Format,
     Found,
     Reason,
     Variables,
     Wanted,
     tell_format,
+    tell_response_format,
 )
 from robid.signals.log_options import Dialect, LogFormat
 
@@ -69,6 +71,15 @@ def load_variables(
         DataError: If the file is missing, of another format, or damaged; or its reader is not installed, takes too
             long or crashes. What cannot be read of a log is told when it is asked for (`find_variable`).
     """
+    return _load(file, format_ or (lambda: tell_format(file)), names, dialect)
+
+
+def load_responses(file: Path, format_: str | None = None, dialect: Dialect = _TOLD) -> Variables:
+    """Reads all variables of a file of responses; arguments and errors as for `load_variables`."""
+    return _load(file, format_ or (lambda: tell_response_format(file)), None, dialect)
+
+
+def _load(file: Path, format_: str | Callable[[], str], names: Collection[str] | None, dialect: Dialect) -> Variables:
     if not file.exists():
         remedy = "Correct `file`, or set ROBID_DATA to the folder with the data."
         raise DataError("D053 The log does not exist.", where=str(file), remedy=remedy)
@@ -78,22 +89,26 @@ def load_variables(
     if file.is_file() and not file.stat().st_size:
         raise DataError("D054 The log is empty.", where=str(file), remedy="Record or copy it again.")
     try:
-        name = format_ or tell_format(file)
+        name = format_ if isinstance(format_, str) else format_()
         if file.is_dir() and name != "rosbag":
             raise DataError("D055 The log is a folder.", where=str(file), remedy="Name the file, not its folder.")
         _check_known(file)
-        _check_installed(file, name)
-        if name == "csv":
-            from robid.logs.formats.tables import read_table  # the process that reads binary logs does without
-
-            return Variables(file, read_table(file, Wanted(names), dialect))
-        with _unpacked(file) as plain:
-            return Variables(file, READER.read(plain, name, names, file))
+        _check_installed(file, EVERY[name])
+        return _read(file, name, names, dialect)
     except UnreadableLogError as e:
         raise DataError(str(e), where=str(file), remedy=e.remedy) from e
     except UNPACKING_ERRORS as e:
         remedy = "Check that it may be read and was copied completely."
         raise DataError(f"D056 The log cannot be opened ({e}).", where=str(file), remedy=remedy) from e
+
+
+def _read(file: Path, name: str, names: Collection[str] | None, dialect: Dialect) -> Variables:
+    if name == "csv":
+        from robid.logs.formats.tables import read_table  # the process that reads binary logs does without
+
+        return Variables(file, read_table(file, Wanted(names), dialect))
+    with _unpacked(file) as plain:
+        return Variables(file, READER.read(plain, name, names, file))
 
 
 @contextmanager
@@ -120,12 +135,12 @@ def _check_known(file: Path) -> None:
             raise DataError(f"D057 The log is {title}.", where=str(file), remedy=remedy)
 
 
-def _check_installed(file: Path, name: LogFormat) -> None:
+def _check_installed(file: Path, kind: Format) -> None:
     """Names the command that installs what a format needs."""
-    lacking = [module for module in FORMATS[name].needs if find_spec(module) is None]
+    lacking = [module for module in kind.needs if find_spec(module) is None]
     if lacking:
-        what = f"D058 To read {FORMATS[name].title}, {' and '.join(lacking)} must be installed."
-        remedy = f"Install with `pip install 'robid[{FORMATS[name].extra}]'`."
+        what = f"D058 To read {kind.title}, {' and '.join(lacking)} must be installed."
+        remedy = f"Install with `pip install 'robid[{kind.extra}]'`."
         raise DataError(what, where=str(file), remedy=remedy)
 
 
@@ -156,7 +171,7 @@ class Reader:
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
 
-    def read(self, file: Path, name: LogFormat, names: Collection[str] | None, called: Path | None = None) -> Found:
+    def read(self, file: Path, name: str, names: Collection[str] | None, called: Path | None = None) -> Found:
         """Reads a log of a format in `FORMATS`: all of its variables, or those that are named.
 
         Args:
@@ -172,7 +187,7 @@ class Reader:
         size = sum(one.stat().st_size for one in parts if one.is_file())
         seconds = self._limits.seconds + size * self._limits.seconds_per_byte
         memory = self._limits.memory + size * self._limits.memory_per_byte
-        asked = {"file": str(file.absolute()), "reader": FORMATS[name].reader, "memory": memory}
+        asked = {"file": str(file.absolute()), "reader": EVERY[name].reader, "memory": memory}
         with self._lock:
             return self._ask({**asked, "names": None if names is None else list(names)}, called or file, name, seconds)
 
@@ -183,7 +198,7 @@ class Reader:
             process.kill()
             process.communicate()
 
-    def _ask(self, question: dict[str, Any], file: Path, name: LogFormat, seconds: float) -> Found:
+    def _ask(self, question: dict[str, Any], file: Path, name: str, seconds: float) -> Found:
         if self._process is None or self._process.poll() is not None:
             self.close()
             self._process = _start()
@@ -202,7 +217,7 @@ class Reader:
             what = f"took longer than {seconds:.0f} s" if late.is_set() else _death(process.wait())
             self.close()
             raise DataError(
-                f"D059 Reading it as {FORMATS[name].title} {what}.", where=str(file), remedy=_COPIED
+                f"D059 Reading it as {EVERY[name].title} {what}.", where=str(file), remedy=_COPIED
             ) from None
         except BaseException:
             self.close()  # an interrupted talk leaves half an answer in the pipe
@@ -253,11 +268,11 @@ def _talk(process: subprocess.Popen[bytes], question: dict[str, Any]) -> tuple[d
     return answer, found
 
 
-def _refusal(file: Path, name: LogFormat, answer: dict[str, Any]) -> DataError:
+def _refusal(file: Path, name: str, answer: dict[str, Any]) -> DataError:
     told = tell_format(file)
-    title = FORMATS[name].title
+    title = EVERY[name].title
     if told != name and told != "csv":
-        what = f"D060 The log cannot be read as {title}: it looks like {FORMATS[told].title}."
+        what = f"D060 The log cannot be read as {title}: it looks like {EVERY[told].title}."
         return DataError(what, where=str(file), remedy=f"Set `format: {told}`, or leave it out.")
     remedy = answer.get("remedy") or f"Check that it is {title} and that it was copied completely."
     if file.suffix == ".h5":

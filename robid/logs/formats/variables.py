@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from robid.errors import DataError
 from robid.logs.formats.unpacking import TooLargeError, first_bytes, is_packed
 from robid.signals.log_options import LogFormat
+
+_Name = TypeVar("_Name", bound=str)
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,23 @@ _IN_HERE: dict[LogFormat, Format] = {
 FORMATS = {name: replace(one, reader=f"robid.logs.formats.{one.reader}") for name, one in _IN_HERE.items()}
 """What a log may be; settings and the command line take the same names from `LogFormat`."""
 
+OF_RESPONSES: dict[str, Format] = {
+    **{name: FORMATS[name] for name in ("csv", "mat", "hdf5")},
+    "uff": Format(
+        "a Universal File",
+        "robid.logs.responses.universal:read_uff",
+        (".uff", ".unv", ".uf", ".bunv"),
+        (b"    -1\n", b"    -1\r\n"),
+        needs=("pyuff",),
+        extra="uff",
+    ),
+    "json": Format("JSON", "robid.logs.responses.universal:read_json", (".json",)),
+}
+"""What a file of responses may be; settings take the same names from `ResponseFormat`."""
+
+EVERY: dict[str, Format] = {**{str(name): one for name, one in FORMATS.items()}, **OF_RESPONSES}
+"""All that is read."""
+
 FOREIGN = (
     (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
     (b"PK\x03\x04", "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
@@ -66,17 +85,24 @@ FOREIGN = (
 
 def tell_format(file: Path) -> LogFormat:
     """Returns the name of a log's format by its first bytes, else by its name; a table of text where neither says."""
-    if file.is_dir():
-        return "rosbag"
+    return "rosbag" if file.is_dir() else _told(file, FORMATS, "csv")
+
+
+def tell_response_format(file: Path) -> str:
+    """Returns the name of the format of a file of responses in the same way, of any format where it is another one."""
+    return _told(file, OF_RESPONSES, "" if file.is_dir() else _told(file, EVERY, "csv"))
+
+
+def _told(file: Path, formats: Mapping[_Name, Format], otherwise: _Name) -> _Name:
     start = first_bytes(file)
-    found = next((name for name, one in FORMATS.items() if one.magic and start.startswith(one.magic)), None)
+    found = next((name for name, one in formats.items() if one.magic and start.startswith(one.magic)), None)
     if found is not None:
         return found
     suffixes = [suffix.lower() for suffix in file.suffixes]
     if is_packed(file) and suffixes:
         suffixes.pop()
     last = suffixes[-1] if suffixes else ""
-    return next((name for name, one in FORMATS.items() if last in one.suffixes), "csv")
+    return next((name for name, one in formats.items() if last in one.suffixes), otherwise)
 
 
 _SERIES = re.compile(r"\((?:\d+,\s*)*:(?:,\s*\d+)*\)$")

@@ -69,7 +69,7 @@ def _arm_torques(experiment: Experiment, fit: ElasticFit) -> _Found:
     """Yields logs whose torques are of the arm side: springs lie between motor and arm."""
     for name in fit.campaigns:
         source = experiment.campaigns[name].source if name in experiment.campaigns else None
-        inputs = () if source is None or source.acquire is None else source.acquire.inputs
+        inputs = () if source is None or source.measured is None else source.measured.inputs
         felt = [one.name for one in inputs if one.side == "arm"]
         if felt:
             told = f"the inputs of `{name}` are of the arm side ({', '.join(f'`{one}.arm`' for one in felt)})"

@@ -17,7 +17,7 @@ def residual_of(solution: ElasticSolution, responses: Frf | None) -> Residual:
     error, names = found.measured - found.modelled, () if responses is None else responses.input_names
     white = np.full(error.shape, np.nan, complex)
     if responses is not None and responses.response.shape == error.shape and responses.covariance.any():
-        white = whitened_responses(error, responses.covariance, responses.input_factor, responses.element_scale)
+        white = whitened_responses(error, responses.covariance, responses.input_factor, responses.scale)
         white = white if responses.dropped is None else np.where(responses.dropped[:, :, None], np.nan, white)
     return Residual(
         measured=found.measured,

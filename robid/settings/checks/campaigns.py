@@ -123,7 +123,9 @@ def check_limits(experiment: Experiment, robot: RobotFile) -> Found:
     for name, campaign in experiment.campaigns.items():
         source = campaign.source
         # One that others played is not designed here.
-        if source and not campaign.is_arbitrary and (source.acquire is None or source.acquire.references):
+        if not source or campaign.is_arbitrary or source.response is not None:
+            continue
+        if source.acquire is None or source.acquire.references:
             what = "a simulation needs" if source.simulate else "an excitation must respect"
             yield from missing_limits(("campaigns", name, "source"), what, robot, (SPEED, TORQUE))
     for name, design in experiment.designs.items():
@@ -167,7 +169,7 @@ def needs_of_robot(experiment: Experiment, families: Families) -> list[str]:
         elif campaign.source.simulate is not None:
             needs.append(f"`campaigns.{name}.source` (a simulation)")
         elif campaign.configurations is not None:
-            needs.append(f"`campaigns.{name}.configurations` (joint angles; logs alone go without)")
+            needs.append(f"`campaigns.{name}.configurations` (joint angles; logs and responses alone go without)")
     needs += [f"`designs.{name}` (a choice of configurations)" for name in experiment.designs]
     wanting = ((name, fit.family) for name, fit in experiment.fits.items() if families[fit.family].needs_robot)
     return [*needs, *(f"`fits.{name}` (family {family})" for name, family in wanting)]

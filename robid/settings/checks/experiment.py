@@ -20,6 +20,7 @@ from robid.settings.checks.campaigns import (
 )
 from robid.settings.checks.configurations import check_cycles, check_reachable, configuration_count, named_designs
 from robid.settings.checks.logs import check_channels, check_handed_on, check_logs
+from robid.settings.checks.responses import check_readers, check_response, check_response_of_robot
 from robid.settings.checks.sizes import check_counts
 from robid.settings.experiment import Campaign, Experiment
 from robid.settings.fits import Families, FitSettings
@@ -63,6 +64,7 @@ def check_experiment(
         check_designs(experiment, robot),
         check_cycles(experiment),
         check_handed_on(experiment),
+        check_readers(experiment, {name: families[fit.family].reads for name, fit in experiment.fits.items()}),
         () if studies is None else studies.check(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():
@@ -82,8 +84,8 @@ def check_experiment(
 
 def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
     """Returns the sampling period of a campaign: the log's, else the pose interface's or the controller's [s]."""
-    if campaign.source is not None and campaign.source.acquire is not None:
-        return campaign.source.acquire.sampling_period_s
+    if campaign.source is not None and campaign.source.measured is not None:
+        return campaign.source.measured.sampling_period_s
     if campaign.moves_poses:
         return None if robot.pose_interface is None else robot.pose_interface.sampling_period_s
     return None if robot.controller is None else robot.controller.sampling_period_s
@@ -91,16 +93,16 @@ def sampling_period_s(campaign: Campaign, robot: RobotFile) -> float | None:
 
 def output_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     """Returns the names of a campaign's outputs; a simulation measures every motor."""
-    if campaign.source is not None and campaign.source.acquire is not None:
-        return tuple(channel.name for channel in campaign.source.acquire.outputs)
+    if campaign.source is not None and campaign.source.measured is not None:
+        return tuple(channel.name for channel in campaign.source.measured.outputs)
     motors = tuple(joint.name for joint in robot.joints)
     return (*(commanded_channels(campaign, robot) or motors), *campaign.outputs[1:])
 
 
 def input_names(campaign: Campaign, robot: RobotFile) -> tuple[str, ...]:
     """Returns the names of a campaign's inputs: those of a log, commanded channels, or every motor."""
-    if campaign.source is not None and campaign.source.acquire is not None:
-        return tuple(channel.name for channel in campaign.source.acquire.inputs)
+    if campaign.source is not None and campaign.source.measured is not None:
+        return tuple(channel.name for channel in campaign.source.measured.inputs)
     return commanded_channels(campaign, robot) or tuple(joint.name for joint in robot.joints)
 
 
@@ -114,7 +116,7 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> Found:
         for place, design in named_designs((*field, "configurations"), campaign.configurations):
             if design not in experiment.designs:
                 yield place, _unknown("design", design, experiment.designs)
-    elif not campaign.is_one_shot and experiment.robot is not None:
+    elif not (campaign.is_one_shot or experiment.robot is None):
         yield (*field, "configurations"), "S178 is missing: only logs of one shot go without"
     if isinstance(campaign.excitation, TrajectoryOptions):
         if campaign.experiments is not None:
@@ -123,7 +125,9 @@ def _campaign(experiment: Experiment, name: str, campaign: Campaign) -> Found:
         rms = campaign.excitation.rms
         if min(rms if isinstance(rms, tuple) else (rms,), default=0.0) <= 0:
             yield (*field, "excitation", "rms"), f"S180 must be above 0 (found {rms})"
-    if campaign.source is None or campaign.source.acquire is None:
+    if campaign.source is not None and campaign.source.response is not None:
+        yield from check_response(field, campaign, campaign.source.response)
+    elif campaign.source is None or campaign.source.acquire is None:
         if campaign.is_arbitrary or campaign.finds_lines:
             yield (*field, "excitation"), _ARBITRARY if campaign.is_arbitrary else _FOUND
     else:
@@ -141,6 +145,9 @@ def _campaign_of_robot(name: str, campaign: Campaign, robot: RobotFile) -> Found
         message = f"S181 has {len(rms)} values for the {n_joint} motors of the robot: give one, or one for each"
         yield (*field, "excitation", "rms"), message
     acquire = None if campaign.source is None else campaign.source.acquire
+    if campaign.source is not None and campaign.source.response is not None:
+        yield from check_response_of_robot(field, campaign.source.response, robot)
+        return
     yield from _travel((*field, "excitation", "travel"), campaign, robot)
     if not campaign.is_one_shot:
         if not (campaign.is_trajectory or campaign.moves_poses or campaign.is_arbitrary):

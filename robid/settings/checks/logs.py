@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import string
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 from robid.settings.base import DATA_VARIABLE
 from robid.settings.experiment import Campaign, Experiment
@@ -22,13 +22,13 @@ _TO_SLIDE = dict(zip(_TURNS, _SLIDES, strict=True))
 _TO_TURN = dict(zip(_SLIDES, _TURNS, strict=True))
 
 
-def wrong_kinds(acquire: Acquire, robot: RobotFile) -> Found:
+def wrong_kinds(groups: Mapping[str, Sequence[LogChannel]], robot: RobotFile) -> Found:
     """Yields channels of joints whose unit or side is not one of their joint, below the log's section.
 
     What is measured at the tool may be anything, and so may a second sensor of a joint, which has a name of its own.
     """
     joints = {joint.name: joint for joint in robot.joints}
-    for key, channels in acquire.groups.items():
+    for key, channels in groups.items():
         for index, channel in enumerate(channels):
             joint = joints.get(channel.name.removesuffix(".arm"))
             side = None if joint is None else _wrong_side(channel, joint)
@@ -209,9 +209,9 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
             message = f"S229 must be one channel per joint, named in this order: {', '.join(joints)}"
             yield (*inside, key), f"S230 {message} (`{joints[0]}.arm` where it is one of the arm side)"
     for index, output in enumerate(acquire.outputs):
-        for key, problem in _output(output, joints):
+        for key, problem in check_outputs(output, joints):
             yield (*inside, "outputs", index, key), problem
-    for place, problem in wrong_kinds(acquire, robot):
+    for place, problem in wrong_kinds(acquire.groups, robot):
         yield (*inside, *place), problem
     if not acquire.references or acquire.one_shot or campaign.is_arbitrary:
         return
@@ -223,7 +223,8 @@ def check_channels(field: FieldPath, campaign: Campaign, acquire: Acquire, robot
         yield (*inside, "sampling_period_s"), f"S232 must be the controller's, {told}"
 
 
-def _output(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
+def check_outputs(output: OutputChannel, joints: list[str]) -> Iterator[tuple[str, str]]:
+    """Yields what is wrong with an output's name and side, by the setting."""
     joint, _, part = output.name.partition(".")
     unsaid = part not in ("", "arm") and output.channel.quantity == "angle" and output.quantity is None
     if output.side != "tool" and (joint not in joints or unsaid):

@@ -27,7 +27,7 @@ def test_whitened_errors_of_a_structured_covariance_are_independent_and_of_unit_
     whole = np.linalg.cholesky(np.kron(given[0, 0], output[0, 0]) * np.outer(root, root))
     drawn = (rng.normal(size=(200_000, 6)) + 1j * rng.normal(size=(200_000, 6))) / np.sqrt(2)
     error = np.swapaxes((drawn @ whole.T).reshape(-1, 2, 3), 1, 2)[None]
-    white = whitened_responses(error, output, given, scale)[0].transpose(0, 2, 1).reshape(-1, 6)
+    white = whitened_responses(error, output, given, scale[:, None])[0].transpose(0, 2, 1).reshape(-1, 6)
     covariance = white.T @ white.conj() / len(white)
     np.testing.assert_allclose(covariance, np.eye(6), atol=6 / np.sqrt(len(white)))
 

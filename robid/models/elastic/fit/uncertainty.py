@@ -105,7 +105,7 @@ def score_covariance(problem: Problem, found: Influence) -> FloatArray:
     clusters, shared = group_clusters(problem.frf.configurations), assumed
     if len(clusters) < n_conf:
         shared = spread_over(clusters, np.array([assumed[cluster].sum(axis=0) for cluster in clusters]))
-    scaled = found.gain * np.sqrt(problem.frf.element_scale)[:, None, :, :, None]
+    scaled = found.gain * np.sqrt(problem.frf.scale)[..., None]
     # The covariance of a response is a product over outputs, inputs and lines. A root of each factor is applied in
     # turn, so that the whole matrix is never formed.
     rows = np.einsum("cfop,cfpiq->cfoiq", _root(problem.frf.covariance), scaled, optimize=True)

@@ -14,8 +14,8 @@ from robid.logs.formats.variables import Format
 
 @pytest.fixture
 def reader(monkeypatch):
-    table = {**known.FORMATS, "toy": Format("a toy", "reader_of_nothing:read", ())}
-    monkeypatch.setattr(apart, "FORMATS", table)
+    table = {**known.EVERY, "toy": Format("a toy", "reader_of_nothing:read", ())}
+    monkeypatch.setattr(apart, "EVERY", table)
     reader = Reader(Limits(seconds=8.0, memory=2 << 30))
     yield reader
     reader.close()

@@ -1,0 +1,284 @@
+"""Responses in structures: exports of ours as MAT or JSON, `idfrd` and `frd` objects of MATLAB, Universal Files."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.errors import DataError
+from robid.logs.formats.variables import Variables
+from robid.logs.responses.table import ResponseTable
+from robid.signals.response_options import FREQUENCY_UNITS, ResponseOptions
+
+_OBJECT = ".ResponseData"
+_TURNS = {"rad/s": "rad/s", "rad/timeunit": "rad/s", "hz": "Hz", "cycles/timeunit": "Hz", "khz": "kHz"}
+_FREQUENCY_RESPONSE, _COHERENCE, _GENERAL = 4, 6, 0
+OWN_TEXTS = (
+    "coefficient_names",
+    *(f"measured_{name}" for name in ("names", "quantities", "sides", "units", "samples")),
+)
+"""Names that our exports have beside numbers."""
+
+
+def find_object(variables: Variables) -> str | None:
+    """Name of the `idfrd` or `frd` structure in a file; None where there is none."""
+    return next((name.removesuffix(_OBJECT) for name in variables if name.endswith(_OBJECT)), None)
+
+
+def is_own(variables: Variables) -> bool:
+    """Whether a file is an export of ours."""
+    return "frequency_hz" in variables and ("response" in variables or "response_real" in variables)
+
+
+def own_tables(variables: Variables, options: ResponseOptions) -> list[ResponseTable]:
+    """Responses of all configurations of an export of ours as MAT or JSON."""
+    outputs, inputs = (texts_of(variables, f"{side}_names") for side in ("output", "input"))
+    frequency = np.ravel(variables["frequency_hz"]).astype(float)
+    count, pick = np.ravel(variables["configuration_numbers"]).size, _picked(variables, options, outputs, inputs)
+    shape = (count, frequency.size, len(outputs), len(inputs))
+    response = _array(variables, "response").reshape(shape)[:, :, pick[0][:, None], pick[1]]
+    variance = _optional(variables, "variance", shape)
+    averages = float(np.ravel(variables["degrees_of_freedom"])[0]) + 1
+    period = float(np.ravel(variables["sampling_period_s"])[0])
+    whole = pick[0].tolist() == list(range(len(outputs))) and pick[1].tolist() == list(range(len(inputs)))
+    tables = []
+    for place in range(count):
+        given = None if variance is None else variance[place][:, pick[0][:, None], pick[1]].real
+        table = ResponseTable(frequency, response[place], given, sampling_period_s=period, averages=averages)
+        # A covariance of all elements is one of these channels alone only where they are all.
+        parts = _own_parts(variables, place, shape) if whole else {}
+        texts = {name: tuple(texts_of(variables, name)) for name in OWN_TEXTS}
+        texts = texts if whole else {**texts, "coefficient_names": ()}
+        tables.append(replace(table, parts=parts, texts=texts))
+    return tables
+
+
+def _own_parts(variables: Variables, place: int, shape: tuple[int, ...]) -> dict[str, FloatArray | ComplexArray]:
+    n_conf, n_freq, n_out, n_in = shape
+    sizes: dict[str, tuple[int, ...]] = {
+        "input_factor": (n_conf, n_freq, n_in, n_in),
+        "output_covariance": (n_conf, n_freq, n_out, n_out),
+        "element_scale": (n_conf, n_out, n_in),
+    }
+    found = {name: _optional(variables, name, size) for name, size in sizes.items()}
+    if any(each is None for each in found.values()):
+        return {}
+    kept = {name: each[place] for name, each in found.items() if each is not None}
+    relative = variables.get("coefficient_relative_std")
+    if relative is not None and np.size(relative):
+        whole = (n_conf, np.size(relative), n_freq, n_out, n_in)
+        sensitivity = _optional(variables, "sensitivity", whole)
+        if sensitivity is not None:
+            kept |= {"sensitivity": sensitivity[place], "coefficient_relative_std": np.ravel(relative).astype(float)}
+            if "coefficient_offset" in variables:
+                kept["coefficient_offset"] = np.ravel(variables["coefficient_offset"]).astype(float)
+    if "line_correlation" in variables:
+        kept["line_correlation"] = np.asarray(variables["line_correlation"], float).reshape(n_conf, n_freq, -1)[place]
+    amplitude = _optional(variables, "input_amplitude", (n_conf, n_freq, n_in, -1))
+    if amplitude is not None:
+        kept["input_amplitude"] = amplitude[place]
+    if "lines" in variables:
+        kept["lines"] = np.ravel(variables["lines"]).astype(float)
+    return kept
+
+
+def object_table(variables: Variables, name: str, options: ResponseOptions) -> ResponseTable:
+    """The response of an `idfrd` or `frd` object, saved by the fields that `struct(sys)` or `get(sys)` gives.
+
+    Source:
+        MathWorks, System Identification Toolbox, `idfrd`: ResponseData (ny, nu, nf), CovarianceData (ny, nu, nf, 2, 2).
+    """
+    data = np.asarray(variables[f"{name}{_OBJECT}"])
+    frequency = np.ravel(variables[f"{name}.Frequency"]).astype(float)
+    n_freq = frequency.size
+    sides = [texts_of(variables, f"{name}.{side}Name") for side in ("Output", "Input")]
+    shape = data.shape if data.ndim == 3 and data.shape[2] == n_freq else _guessed(data.size // n_freq, sides, n_freq)
+    data = data.reshape(shape)
+    names = [
+        [each or f"{letter}{k}" for k, each in enumerate(side or [""] * size, start=1)]
+        for letter, side, size in zip("yu", sides, shape, strict=False)
+    ]
+    seconds = {"milliseconds": 1e-3, "minutes": 60.0, "microseconds": 1e-6}.get(
+        variables.texts.get(f"{name}.TimeUnit", "seconds"), 1.0
+    )
+    said = variables.texts.get(f"{name}.FrequencyUnit", "rad/TimeUnit").lower()
+    frequency = frequency * FREQUENCY_UNITS[_TURNS.get(said, "rad/s")] / (seconds if "timeunit" in said else 1.0)
+    delay = _object_delays(variables, name, shape)
+    period = seconds * float(np.ravel(variables.get(f"{name}.Ts", 0.0))[0])
+    delay_s = delay * (period if period > 0 else seconds)
+    response = np.moveaxis(data, 2, 0) * np.exp(-2j * np.pi * frequency[:, None, None] * delay_s)
+    pick = _picked(variables, options, names[0], names[1])
+    chosen = np.ix_(np.arange(n_freq), pick[0], pick[1])
+    covariance = variables.get(f"{name}.CovarianceData")
+    variance = None
+    if covariance is not None and np.size(covariance) == 4 * data.size:
+        # Real and imaginary part, and what they have in common: E|error|^2 is their sum.
+        both = np.asarray(covariance, float).reshape(*shape, 2, 2)
+        variance = np.moveaxis(both[..., 0, 0] + both[..., 1, 1], 2, 0)[chosen]
+    return ResponseTable(frequency, response[chosen], variance, sampling_period_s=max(period, 0.0))
+
+
+def _guessed(size: int, sides: Sequence[Sequence[str]], n_freq: int) -> tuple[int, int, int]:
+    """Outputs, inputs and lines of a response whose axes of length one were dropped."""
+    n_out = len(sides[0]) or (size if len(sides[1]) <= 1 else size // len(sides[1]))
+    return n_out, size // max(n_out, 1), n_freq
+
+
+def _object_delays(variables: Variables, name: str, shape: tuple[int, ...]) -> FloatArray:
+    """Delays (n_out, n_in) that the object holds beside its response, in its time unit or samples."""
+    found = np.zeros(shape[:2])
+    for field_name, axis in (("IODelay", None), ("OutputDelay", 1), ("InputDelay", 0)):
+        value = np.asarray(variables.get(f"{name}.{field_name}", 0.0), float)
+        if axis is None and value.size in (1, found.size):
+            found = found + (value.reshape(found.shape) if value.size == found.size else float(value.ravel()[0]))
+        elif axis is not None and value.size in (1, found.shape[1 - axis]):
+            found = found + np.expand_dims(value.ravel(), axis)
+    return found
+
+
+def universal_tables(variables: Variables, options: ResponseOptions) -> list[ResponseTable]:
+    """Responses in a Universal File, one for each version number, which our exports count configurations by."""
+    count = sum(name.endswith(".func_type") for name in variables)
+    sets = [f"set({number})" for number in range(1, count + 1) if f"set({number}).data" in variables]
+    kinds = {name: _number(variables, f"{name}.func_type") for name in sets}
+    versions = sorted({_number(variables, f"{name}.ver_num") for name in sets if kinds[name] == _FREQUENCY_RESPONSE})
+    if not versions:
+        message = "D613 the file has no frequency response: no dataset 58 of function type 4"
+        raise DataError(message, where=str(variables.file), remedy="export responses, and their coherence as type 6")
+    return [
+        _universal_table(variables, options, [n for n in sets if _number(variables, f"{n}.ver_num") == v], kinds)
+        for v in versions
+    ]
+
+
+def _number(variables: Variables, name: str) -> int:
+    return int(np.ravel(variables[name])[0])
+
+
+def _universal_table(
+    variables: Variables, options: ResponseOptions, sets: Sequence[str], kinds: dict[str, int]
+) -> ResponseTable:
+    shape = len(options.outputs), len(options.inputs)
+    found: dict[str, dict[tuple[int, int], str]] = {"response": {}, "deviation": {}, "coherence": {}}
+    for name in sets:
+        place = _place(variables, options, name)
+        deviation = kinds[name] == _GENERAL and "deviation" in variables.texts.get(f"{name}.id1", "").lower()
+        role = {_FREQUENCY_RESPONSE: "response", _COHERENCE: "coherence"}.get(kinds[name], "deviation" * deviation)
+        if place is not None and role:
+            if place in found[role]:
+                pair = f"`{options.outputs[place[0]].variable}` per `{options.inputs[place[1]].variable}`"
+                message = f"D614 the response of {pair} is there twice"
+                raise DataError(message, where=str(variables.file), remedy="keep one of them in the file")
+            found[role][place] = name
+    check_pairs(options, found["response"], str(variables.file), _known_pairs(variables, sets, kinds))
+    frequency = np.unique(np.concatenate([np.ravel(variables[f"{n}.x"]) for n in found["response"].values()]))
+    response: ComplexArray = np.full((frequency.size, *shape), complex(np.nan, np.nan))
+    parts = {role: np.full((frequency.size, *shape), np.nan) for role in ("deviation", "coherence")}
+    for role, places in found.items():
+        for (row, column), name in places.items():
+            at = np.searchsorted(frequency, np.ravel(variables[f"{name}.x"]))
+            target = response if role == "response" else parts[role]
+            data = np.ravel(variables[f"{name}.data"])
+            target[at, row, column] = data if role == "response" else data.real
+    told = {role: part if found[role] else None for role, part in parts.items()}
+    variance = None if told["deviation"] is None else told["deviation"] ** 2
+    notes = {variables.texts.get(f"{name}.rsp_ent_name", ""): variables.texts.get(f"{name}.id3", "") for name in sets}
+    return with_notes(ResponseTable(frequency, response, variance, told["coherence"]), notes, options)
+
+
+MEASURED = r"measured as (\S+), (\S+), ([^,]+), (\S+), freedom (\S+)"
+"""What our tables and Universal Files say of each output: quantity, side, unit, samples, degrees of freedom."""
+
+
+def with_notes(table: ResponseTable, notes: Mapping[str, str], options: ResponseOptions) -> ResponseTable:
+    """A table with what our exports note of each output, by its name; as it is where they do not note it of all."""
+    found = [(one.variable, re.fullmatch(MEASURED, notes.get(one.variable, ""))) for one in options.outputs]
+    rows = [(name, *row.groups()) for name, row in found if row]
+    if len(rows) < len(found):
+        return table
+    keys = ("names", "quantities", "sides", "units", "samples", "freedom")
+    texts = {f"measured_{key}": tuple(values) for key, values in zip(keys, zip(*rows, strict=True), strict=True)}
+    return replace(table, texts=texts, averages=float(texts.pop("measured_freedom")[0]) + 1)
+
+
+def _place(variables: Variables, options: ResponseOptions, name: str) -> tuple[int, int] | None:
+    """Which output and input a dataset is of: by names of its entities, or by node and direction as `12:3`."""
+    found: list[int | None] = []
+    for side, channels in (("rsp", options.outputs), ("ref", options.inputs)):
+        known = _entity(variables, name, side)
+        at = [index for index, channel in enumerate(channels) if channel.variable in known]
+        found.append(at[0] if at else None)
+    return None if None in found else (int(found[0] or 0), int(found[1] or 0))
+
+
+def _entity(variables: Variables, name: str, side: str) -> tuple[str, ...]:
+    node, direction = (_number(variables, f"{name}.{side}_{part}") for part in ("node", "dir"))
+    return variables.texts.get(f"{name}.{side}_ent_name", ""), f"{node}:{direction}", str(node)
+
+
+def _known_pairs(variables: Variables, sets: Sequence[str], kinds: dict[str, int]) -> list[str]:
+    return [
+        " per ".join(next(filter(None, _entity(variables, name, side)), "?") for side in ("rsp", "ref"))
+        for name in sets
+        if kinds[name] == _FREQUENCY_RESPONSE
+    ]
+
+
+def check_pairs(options: ResponseOptions, found: object, where: str, known: Sequence[str] = ()) -> None:
+    """Refuses a response that lacks pairs of outputs and inputs, naming them.
+
+    Raises:
+        DataError: If one is missing.
+    """
+    missing = [
+        f"`{output.variable}` per `{one.variable}`"
+        for row, output in enumerate(options.outputs)
+        for column, one in enumerate(options.inputs)
+        if (row, column) not in found  # type: ignore[operator]
+    ]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        there = f"; there are {', '.join(list(dict.fromkeys(known))[:8])}" if known else ""
+        message = f"D615 the response lacks {', '.join(missing[:3])}{more}{there}"
+        remedy = "correct `variable` under `inputs` and `outputs`, or leave out the channel that was not measured"
+        raise DataError(message, where=where, remedy=remedy)
+
+
+def texts_of(variables: Variables, name: str) -> list[str]:
+    """Texts of a list or cell, `name{1}` and so on; one text alone is a list of it."""
+    if name in variables.texts:
+        return [variables.texts[name]]
+    found: list[str] = []
+    while f"{name}{{{len(found) + 1}}}" in variables.texts:
+        found.append(variables.texts[f"{name}{{{len(found) + 1}}}"])
+    return found
+
+
+def _picked(
+    variables: Variables, options: ResponseOptions, outputs: Sequence[str], inputs: Sequence[str]
+) -> tuple[IntArray, IntArray]:
+    """Indices of the wanted outputs and inputs."""
+    found: list[IntArray] = []
+    for what, channels, names in (("output", options.outputs, outputs), ("input", options.inputs, inputs)):
+        for channel in channels:
+            if channel.variable not in names:
+                message = f"D616 the response has no {what} `{channel.variable}` (it has {', '.join(names)})"
+                raise DataError(message, where=str(variables.file), remedy=f"correct its `variable` under `{what}s`")
+        found.append(np.array([names.index(channel.variable) for channel in channels]))
+    return found[0], found[1]
+
+
+def _array(variables: Variables, name: str) -> ComplexArray:
+    if name in variables:
+        return np.asarray(variables[name], complex)
+    return np.asarray(variables[f"{name}_real"] + 1j * variables[f"{name}_imaginary"])
+
+
+def _optional(variables: Variables, name: str, shape: tuple[int, ...]) -> FloatArray | ComplexArray | None:
+    if name in variables:
+        return np.asarray(variables[name]).reshape(shape)
+    return _array(variables, name).reshape(shape) if f"{name}_real" in variables else None
