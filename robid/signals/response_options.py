@@ -103,11 +103,12 @@ class ResponseOptions:
         "given, the response is that of continuous time, without hold [s].",
         ge=1e-7,
     )
-    measured_as: dict[str, Literal["angle", "position", "speed"]] = field(
+    measured_as: dict[str, Literal["angle", "position", "speed", "acceleration"]] = field(
         default_factory=dict,
         metadata={
-            "description": "Outputs that were sampled as another motion than the file has, and differentiated in the "
-            "frequency domain, by name. It decides what sampling folds down from above half its rate."
+            "description": "What outputs were sampled as, by name, where the file has them differentiated in the "
+            "frequency domain. It decides what sampling folds down from above half its rate. Accelerations of motors "
+            "and arms between samples are those of angles or positions when not given, as encoders measure these."
         },
     )
     delay_s: float = option(

@@ -14,7 +14,7 @@ from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.logs.responses.table import ResponseTable, check_lines
 from robid.logs.responses.variance import coherence_variance, neighbour_variance
-from robid.signals.quantities import DRIVES, QUANTITIES, Channel
+from robid.signals.quantities import DRIVES, QUANTITIES, Channel, QuantityName
 from robid.signals.response_options import ResponseOptions
 
 _KNOWN_FREEDOM = 1e6  # Complex degrees of freedom of a variance that is stated without them
@@ -109,12 +109,23 @@ def _measured(frf: Frf, table: ResponseTable, options: ResponseOptions) -> Frf:
         if all(one is not None for one in ordered):
             pairs = zip(ordered, options.outputs, strict=True)
             return replace(frf, measured_channels=tuple(replace(one, name=mine.name) for one, mine in pairs if one))
-    rows = []
-    for one, channel in zip(options.outputs, frf.measured_channels, strict=True):
-        quantity = options.measured_as.get(one.name)
-        unit = channel.unit.removesuffix("/s^2").removesuffix("/s") + ("/s" if quantity == "speed" else "")
-        rows.append(channel if quantity is None else replace(channel, quantity=quantity, unit=unit))
+    rows = [
+        _sampled(channel, options.measured_as.get(one.name), encoded=options.sampling_period_s is not None)
+        for one, channel in zip(options.outputs, frf.measured_channels, strict=True)
+    ]
     return replace(frf, measured_channels=tuple(rows))
+
+
+def _sampled(channel: Channel, stated: QuantityName | None, *, encoded: bool) -> Channel:
+    """What an output was sampled as: as stated; an acceleration of motor or arm by an encoder, else as it is."""
+    length = channel.unit.split("/")[0]
+    turns = length == "rad"
+    if stated is None and encoded and channel.quantity == "acceleration" and channel.side != "tool":
+        stated = "angle" if turns else "position"
+    if stated is None:
+        return channel
+    units = {"speed": f"{length}/s", "acceleration": f"{length}/s^2"}
+    return replace(channel, quantity=stated, unit=units.get(stated, length))
 
 
 def _moves(drives: bool, accelerations: bool | None) -> bool:
