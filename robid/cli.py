@@ -369,7 +369,9 @@ def upgrade_settings(
 def inspect_file(
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help="An artifact, as in record.h5; or a log, or the files of one."),
+        typer.Argument(
+            metavar="FILE...", help="An artifact, as in record.h5; a log, or the files of one; or responses."
+        ),
     ],
     output: Annotated[Path | None, typer.Option("--output", help="Draw the log here, as a page.html.")] = None,
     propose: Annotated[
@@ -401,7 +403,11 @@ def inspect_file(
     for file in files:
         refuse_no_log(file)
     from robid.commands.inspect_log import describe_log
+    from robid.commands.inspect_response import describe_response, found_response
 
+    response = found_response(files, options)
+    if response is not None:
+        return describe_response(response, options, as_json=as_json)
     return describe_log(files, options, as_json=as_json)
 
 

@@ -20,6 +20,7 @@ from robid.commands.log_answer import LogAnswer
 from robid.commands.next_visit import NextAnswer
 from robid.commands.output import Answer, ErrorAnswer
 from robid.commands.reprocess import BatchAnswer, DryRunAnswer, RowAnswer
+from robid.commands.response_answer import ResponseAnswer
 from robid.commands.run import RunAnswer, StageAnswer
 from robid.commands.status import StatusAnswer
 from robid.commands.study import StudyAnswer
@@ -38,7 +39,7 @@ ANSWERS: dict[str, tuple[type[Answer], ...]] = {
     "compare": (CompareAnswer, RunsAnswer),
     "status": (StatusAnswer,),
     "upgrade": (UpgradeAnswer,),
-    "inspect": (ArtifactAnswer, LogAnswer),
+    "inspect": (ArtifactAnswer, LogAnswer, ResponseAnswer),
     "init": (InitAnswer,),
     "doctor": (DoctorAnswer,),
     "explain": (ExplainAnswer, LettersAnswer),

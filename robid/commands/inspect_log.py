@@ -154,7 +154,7 @@ _SHOWN = 20
 
 def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool) -> int:
     """Prints what is in a log, draws it and proposes how to import it; returns the exit code."""
-    _check_targets(paths, options)
+    check_targets(paths, options)
     shell = Shell(make_console(stderr=False), make_console(stderr=True), quiet=as_json)
     found = inspect_log(
         paths,
@@ -166,7 +166,7 @@ def describe_log(paths: Sequence[Path], options: LogInspection, *, as_json: bool
     name = (options.experiment or paths[0]).name.partition(".")[0]
     text = write_experiment(found, name, pather(options.experiment), options.format, options.dialect)
     if options.experiment is not None:
-        _write_new(options.experiment, text)
+        write_new(options.experiment, text)
     if options.page is not None:
         with replacing(options.page) as partial:
             partial.write_text(draw_log(found, text) + _MARK, encoding="utf-8")
@@ -189,7 +189,7 @@ def pather(experiment: Path | None) -> Callable[[Path], str]:
     return path
 
 
-def _check_targets(paths: Sequence[Path], options: LogInspection) -> None:
+def check_targets(paths: Sequence[Path], options: LogInspection) -> None:
     """Refuses outputs in the place of something else, and a sampling period that is none, before anything is read."""
     if options.sampling_period_s is not None and not options.sampling_period_s > 0:
         what = f"S568 --sampling-period {options.sampling_period_s:g} is no time between samples."
@@ -207,7 +207,7 @@ def _check_targets(paths: Sequence[Path], options: LogInspection) -> None:
         raise SettingsError("S013 A bag is a log of its own.", where=str(paths[0]), remedy="inspect it alone")
 
 
-def _write_new(path: Path, text: str) -> None:
+def write_new(path: Path, text: str) -> None:
     """Writes an experiment file; one that is there is somebody's work."""
     if path.exists():
         if path.is_file() and path.read_text("utf-8", errors="replace") == text:

@@ -41,6 +41,7 @@ CASES = {
     ("upgrade", "upgrade"): ("upgrade", "small.yaml"),
     ("inspect", "inspect-artifact"): ("inspect", "runs/small/estimation/record.h5"),
     ("inspect", "inspect-log"): ("inspect", "log.mat"),
+    ("inspect", "inspect-response"): ("inspect", "frf.csv"),
     ("init", "init"): ("init", "new", "--example", "drive"),
     ("doctor", "doctor"): ("doctor",),
     ("explain", "explain"): ("explain", "S007", "D001"),
@@ -65,6 +66,8 @@ def test_a_command_prints_what_its_schema_says(done, command, kind):
         Floor(done).start({"soft": 0.9})
     elif kind == "inspect-log":
         savemat(done.folder / "log.mat", bench_log(STIFFNESS, 0))
+    elif kind == "inspect-response":
+        (done.folder / "frf.csv").write_text("f,re,im\n1,2,3\n2,3,4\n")
     elif kind == "study":
         shutil.copy(_HERE / "study.yaml", done.folder)
     answer = done.robid(*CASES[command, kind], "--json")

@@ -1,5 +1,7 @@
 """Responses without a record: exported in each format and read back, the same fit; and what cannot be asked of them."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import yaml
@@ -137,3 +139,59 @@ def test_families_and_designs_that_need_more_are_refused(done):
     assert answer.code == 2
     assert "S616" in answer.err
     assert "S617" in answer.err
+
+
+@pytest.mark.parametrize("form", ["csv", "mat", "json", "uff"])
+def test_inspect_proposes_what_reads_the_responses(done, form):
+    """The proposal of one configuration, followed as it is: the response of the export comes back."""
+    shop = exported(done)
+    path = f"runs/small/validation/{FILES[form]}".replace("{configuration}", "1")
+    answer = shop.robid("inspect", path, "--propose", "proposed.yaml", "--json")
+    assert answer.code == 0, answer.err
+    assert answer.json["type"] == "inspect-response"
+    assert (answer.json["inputs"], answer.json["outputs"]) == (["turn", "lift"], ["turn", "lift"])
+    assert answer.json["error"] == "deviation"
+    answer = shop.robid("run", "proposed.yaml")
+    assert answer.code == 0, answer.err
+    name = yaml.safe_load((shop.folder / "proposed.yaml").read_text())["name"]
+    theirs = frf_from_artifact(read_artifact(shop.folder / f"runs/{name}/measured/frf.h5", FRF))
+    ours = frf_from_artifact(read_artifact(shop.runs / "validation/frf.h5", FRF))
+    np.testing.assert_allclose(theirs.response, ours.response, rtol=1e-9)
+    np.testing.assert_allclose(theirs.element_variance(), ours.element_variance(), rtol=1e-9)
+
+
+def test_logs_are_not_taken_for_responses(done, tmp_path):
+    """Columns of such names whose first one does not rise as frequencies do."""
+    rows = "\n".join(f"{t},{t % 7},{t % 3}" for t in [5, 3, 4, 1, 2] * 40)
+    (tmp_path / "log.csv").write_text(f"f,re,im\n{rows}\n")
+    answer = done.robid("inspect", str(tmp_path / "log.csv"), "--json")
+    assert answer.code == 0, answer.err
+    assert answer.json["type"] == "inspect-log"
+
+
+def test_position_dependent_models_are_the_same(shop):
+    """An lpv fit of responses that were exported is that of the campaign's own."""
+    text = (Path(__file__).parent / "turk.yaml").read_text().partition("study:")[0]
+    (shop.folder / "turk.yaml").write_text(text + "execution: {backend: serial, workers: 1}\n")
+    assert shop.robid("run", "turk.yaml").code in (0, 5)
+    content = yaml.safe_load((shop.folder / "turk.yaml").read_text())
+    for name in ("local", "left_out"):
+        export = ("export", "turk.yaml", "--campaign", name, "--what", "frf", "--format", "mat")
+        assert shop.robid(*export).code == 0
+        channels = [{"name": joint, "variable": joint} for joint in ("turn", "lift")]
+        source = {
+            "file": f"runs/turk/{name}/export/frf.mat",
+            "inputs": channels,
+            "outputs": [{**each, "unit": "rad/s^2"} for each in channels],
+            "sampling_period_s": 0.001,
+            "delay_s": 0.001,
+        }
+        campaign = content["campaigns"][name]
+        content["campaigns"][name] = {"configurations": campaign["configurations"], "source": {"response": source}}
+    content["name"] = "given"
+    (shop.folder / "given.yaml").write_text(yaml.safe_dump(content))
+    answer = shop.robid("run", "given.yaml")
+    assert answer.code in (0, 5), answer.err
+    ours, theirs = (read_artifact(shop.folder / f"runs/{run}/fits/own/model.h5", MODEL) for run in ("turk", "given"))
+    values = [each.datasets["estimate/value"].values for each in (ours, theirs)]
+    np.testing.assert_allclose(values[1], values[0], rtol=1e-9, atol=1e-12)

@@ -95,13 +95,9 @@ def object_table(variables: Variables, name: str, options: ResponseOptions) -> R
     data = np.asarray(variables[f"{name}{_OBJECT}"])
     frequency = np.ravel(variables[f"{name}.Frequency"]).astype(float)
     n_freq = frequency.size
-    sides = [texts_of(variables, f"{name}.{side}Name") for side in ("Output", "Input")]
-    shape = data.shape if data.ndim == 3 and data.shape[2] == n_freq else _guessed(data.size // n_freq, sides, n_freq)
+    shape = _object_shape(variables, name)
     data = data.reshape(shape)
-    names = [
-        [each or f"{letter}{k}" for k, each in enumerate(side or [""] * size, start=1)]
-        for letter, side, size in zip("yu", sides, shape, strict=False)
-    ]
+    names = object_names(variables, name)
     seconds = {"milliseconds": 1e-3, "minutes": 60.0, "microseconds": 1e-6}.get(
         variables.texts.get(f"{name}.TimeUnit", "seconds"), 1.0
     )
@@ -122,9 +118,30 @@ def object_table(variables: Variables, name: str, options: ResponseOptions) -> R
     return ResponseTable(frequency, response[chosen], variance, sampling_period_s=max(period, 0.0))
 
 
-def _guessed(size: int, sides: Sequence[Sequence[str]], n_freq: int) -> tuple[int, int, int]:
-    """Outputs, inputs and lines of a response whose axes of length one were dropped."""
-    n_out = len(sides[0]) or (size if len(sides[1]) <= 1 else size // len(sides[1]))
+def object_names(variables: Variables, name: str) -> tuple[list[str], list[str]]:
+    """Names of the outputs and inputs of an `idfrd` or `frd` structure; y1, u1 and so on where it has none."""
+    shape = _object_shape(variables, name)
+    sides = [
+        texts_of(variables, f"{name}.{side}Name") or [""] * size for side, size in zip(_SIDES, shape, strict=False)
+    ]
+    outputs, inputs = (
+        [each or f"{letter}{k}" for k, each in enumerate(side, start=1)]
+        for letter, side in zip("yu", sides, strict=True)
+    )
+    return outputs, inputs
+
+
+_SIDES = ("Output", "Input")
+
+
+def _object_shape(variables: Variables, name: str) -> tuple[int, int, int]:
+    """Outputs, inputs and lines of a response, whose axes of length one may have been dropped."""
+    data, n_freq = variables[f"{name}{_OBJECT}"], np.size(variables[f"{name}.Frequency"])
+    if data.ndim == 3 and data.shape[2] == n_freq:
+        return int(data.shape[0]), int(data.shape[1]), n_freq
+    size = data.size // max(n_freq, 1)
+    n_out, n_in = (len(texts_of(variables, f"{name}.{side}Name")) for side in _SIDES)
+    n_out = n_out or (size if n_in <= 1 else size // n_in)
     return n_out, size // max(n_out, 1), n_freq
 
 
@@ -153,6 +170,29 @@ def universal_tables(variables: Variables, options: ResponseOptions) -> list[Res
         _universal_table(variables, options, [n for n in sets if _number(variables, f"{n}.ver_num") == v], kinds)
         for v in versions
     ]
+
+
+def channels_of_sets(
+    variables: Variables,
+) -> tuple[tuple[str, ...], tuple[str, ...], int, set[int], FloatArray] | None:
+    """Outputs, inputs, number of versions, function types and lines of a Universal File; None without responses."""
+    count = sum(name.endswith(".func_type") for name in variables)
+    sets = [f"set({number})" for number in range(1, count + 1) if f"set({number}).data" in variables]
+    kinds = {name: _number(variables, f"{name}.func_type") for name in sets}
+    told = [name for name in sets if kinds[name] == _FREQUENCY_RESPONSE]
+    if not told:
+        return None
+    outputs, inputs = (
+        tuple(dict.fromkeys(_entity_name(variables, name, side) for name in told)) for side in ("rsp", "ref")
+    )
+    versions = len({_number(variables, f"{name}.ver_num") for name in told})
+    return outputs, inputs, versions, set(kinds.values()), np.ravel(variables[f"{told[0]}.x"]).astype(float)
+
+
+def _entity_name(variables: Variables, name: str, side: str) -> str:
+    """The name that `variable` would give it."""
+    entity, place, _ = _entity(variables, name, side)
+    return place if entity in ("", "NONE") else entity
 
 
 def _number(variables: Variables, name: str) -> int:
@@ -222,7 +262,7 @@ def _entity(variables: Variables, name: str, side: str) -> tuple[str, ...]:
 
 def _known_pairs(variables: Variables, sets: Sequence[str], kinds: dict[str, int]) -> list[str]:
     return [
-        " per ".join(next(filter(None, _entity(variables, name, side)), "?") for side in ("rsp", "ref"))
+        " per ".join(_entity_name(variables, name, side) for side in ("rsp", "ref"))
         for name in sets
         if kinds[name] == _FREQUENCY_RESPONSE
     ]
