@@ -350,6 +350,52 @@ def log_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
     return "same" if share == 0 else f"same: {100 * share:.0f} % outside"
 
 
+RESPONSES = {"csv": "frf_c1.csv", "mat": "frf.mat", "json": "frf.json", "uff": "frf.uff"}
+
+
+def write_responses(folder: Path) -> None:
+    """Writes responses of a finished run in several formats, each with an experiment that reads them and its run."""
+    for form, name in RESPONSES.items():
+        if form == "uff" and find_spec("pyuff") is None:
+            continue
+        place = folder / "responses" / form
+        place.mkdir(parents=True)
+        with contextlib.chdir(folder):
+            command = ("export", "small.yaml", "--campaign", "validation", "--what", "frf", "--format", form)
+            assert robid(*command)[0] == 0
+        shutil.copy(folder / "runs/small/validation/export" / name, place / name)
+        with contextlib.chdir(place):
+            assert robid("inspect", name, "--propose", "responses.yaml")[0] == 0
+            assert robid("run", "responses.yaml")[0] == 0
+
+
+def response_case(folder: Path, work: Path, generator: np.random.Generator) -> str:
+    """A file of responses is refused by name, or gives those of the whole one within their own uncertainty."""
+    kinds = sorted(path.name for path in (folder / "responses").iterdir())
+    kind = kinds[generator.integers(len(kinds))]
+    shutil.copytree(folder / "responses" / kind, work, dirs_exist_ok=True)
+    path = work / RESPONSES[kind]
+    whole = _response(work)
+    how, left = damage(path.read_bytes(), generator)
+    path.write_bytes(left)
+    how = f"{kind}, {how}"
+    with contextlib.chdir(work):
+        robid("inspect", path.name)
+        for stage in ("simulate-or-acquire", "estimate-frf"):
+            code, text = robid(stage, "responses.yaml", "--force")
+            if code in (2, 3, 4):
+                if stage == "simulate-or-acquire" and path.name not in text:
+                    raise Wrong(f"{how}: refused without the file's name: {text}")
+                return f"refused: {' '.join(text.split())[:300]}"
+            if code:
+                raise Wrong(f"{how}: ends with {code}: {text[-1500:]}")
+    found = _response(work)
+    share = _share_outside(whole, found) if found.response.shape == whole.response.shape else 0.0
+    if share > OUTSIDE:
+        raise Wrong(f"{how}: {100 * share:.0f} % of the response beyond {DEVIATIONS} deviations: {text[-600:]}")
+    return "same" if share == 0 else f"same: {100 * share:.0f} % outside"
+
+
 def _response(work: Path) -> Any:
     (path,) = (work / "runs").rglob("frf.h5")
     return frf_from_artifact(read_artifact(path, FRF))
@@ -362,7 +408,7 @@ def _share_outside(whole: Any, found: Any) -> float:
     covariance = found.noise_covariance if found.total_covariance is None else found.total_covariance
     output = np.einsum("cfoo->cfo", covariance).real[..., None]
     inputs = np.einsum("cfii->cfi", found.input_factor).real[..., None, :]
-    deviation = np.sqrt(output * inputs * found.element_scale[:, None])
+    deviation = np.sqrt(output * inputs * found.scale)
     return float(
         (np.abs(found.response - whole.response) > DEVIATIONS * deviation + 1e-9 * np.abs(whole.response)).mean()
     )
@@ -385,6 +431,7 @@ CASES: dict[str, Callable[[Path, Path, np.random.Generator], str]] = {
     "chain": chain_case,
     "fleet": fleet_case,
     "log": log_case,
+    "response": response_case,
     "ended": ended_case,
     "settings": settings_case,
     "command": command_case,

@@ -38,6 +38,11 @@ def make_logs(folder):
     damage.write_logs(folder, damage.readable(), experiment, STAGES / "bench_robot.yaml")
 
 
+def make_responses(folder):
+    make_small(folder)
+    damage.write_responses(folder)
+
+
 def copy_small(folder):
     for name in ("arm.yaml", "small.yaml"):
         shutil.copy(STAGES / name, folder)
@@ -50,6 +55,7 @@ MAKERS = {
     "chain": make_small,
     "fleet": make_fleet,
     "log": make_logs,
+    "response": make_responses,
 }
 
 

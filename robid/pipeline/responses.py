@@ -21,7 +21,7 @@ from robid.logs.formats.variables import tell_response_format
 from robid.logs.responses.columns import column_table
 from robid.logs.responses.importing import frf_of
 from robid.logs.responses.structures import find_object, is_own, object_table, own_tables, universal_tables
-from robid.logs.responses.table import ResponseTable
+from robid.logs.responses.table import ResponseTable, contradictions_refused
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.plans import response_files
 from robid.pipeline.stage import Job, counted
@@ -95,7 +95,8 @@ def _read(job: Job, configurations: FloatArray) -> tuple[Frf, str]:
     frfs, kinds, tables = [], set[str](), []
     for index in range(len(configurations) if source.is_numbered else 1):
         paths = source.paths(folder, index)
-        found = _tables(paths, source)
+        with contradictions_refused(str(next(iter(paths.values())))):
+            found = _tables(paths, source)
         if source.is_numbered and len(found) != 1:
             what = f"D632 the file has responses in {len(found)} configurations"
             remedy = "leave `{configuration}` out of its name"
@@ -110,7 +111,8 @@ def _read(job: Job, configurations: FloatArray) -> tuple[Frf, str]:
             frfs.append(table)
             kinds.add("stated")
             continue
-        frf, kind = frf_of(table, source, place, job.loaded.robot.joint_units, where, accelerations=kept)
+        with contradictions_refused(where):
+            frf, kind = frf_of(table, source, place, job.loaded.robot.joint_units, where, accelerations=kept)
         frfs.append(frf)
         kinds.add(kind)
     whole = join(frfs, [where for _, where in tables]) if len(frfs) > 1 else frfs[0]

@@ -18,7 +18,7 @@ from damaged_folders import STAGES, made_once
 from hard_summary import SCALE, note
 from mutations import mutated
 
-CASES = {"settings": 8000, "command": 2000, "artifact": 1880, "chain": 60, "fleet": 60, "log": 2000}
+CASES = {"settings": 8000, "command": 2000, "artifact": 1880, "chain": 60, "fleet": 60, "log": 2000, "response": 1000}
 COMMANDS = 500
 CHUNK = 500
 

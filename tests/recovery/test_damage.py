@@ -14,7 +14,7 @@ pytest.importorskip("pyarrow")
 import damage
 from damaged_folders import made_once
 
-SHORT = {"artifact": 45, "log": 15, "settings": 150, "command": 40}
+SHORT = {"artifact": 45, "log": 15, "response": 25, "settings": 150, "command": 40}
 LONG = {"artifact": 1080, "log": 800, "chain": 60, "fleet": 60}
 """Numbers of cases; the long ones are 2,000."""
 

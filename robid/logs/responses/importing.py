@@ -12,7 +12,7 @@ import numpy as np
 from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.logs.responses.table import ResponseTable, check_lines
+from robid.logs.responses.table import ResponseTable, check_lines, check_variance
 from robid.logs.responses.variance import coherence_variance, neighbour_variance
 from robid.signals.quantities import DRIVES, QUANTITIES, Channel, QuantityName
 from robid.signals.response_options import ResponseOptions
@@ -95,7 +95,9 @@ def frf_of(
         total_degrees_of_freedom=told.freedom,
         **_structured(np.where(dropped[:, None], np.nan, variance)),
     )
-    return _with_parts(_measured(frf, table, options), table, options, factor), told.kind
+    found = _with_parts(_measured(frf, table, options), table, options, factor)
+    check_variance(found.element_variance(), where)
+    return found, told.kind
 
 
 def _measured(frf: Frf, table: ResponseTable, options: ResponseOptions) -> Frf:

@@ -14,6 +14,7 @@ from robid.logs.formats.load import load_responses
 from robid.logs.formats.variables import Variables, tell_response_format
 from robid.logs.responses.columns import find_layout
 from robid.logs.responses.structures import channels_of_sets, find_object, is_own, object_names, texts_of
+from robid.logs.responses.table import contradictions_refused
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.response_options import FREQUENCY_UNITS, ResponseOptions
 
@@ -51,6 +52,11 @@ def recognise(path: Path) -> Recognised | None:
     if form not in ("csv", "mat", "json", "uff"):
         return None
     variables = load_responses(path, form)
+    with contradictions_refused(str(path)):
+        return _recognised(variables, form)
+
+
+def _recognised(variables: Variables, form: str) -> Recognised | None:
     if form == "uff":
         return _universal(variables)
     if is_own(variables):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -24,6 +26,35 @@ class ResponseTable:
     sampling_period_s: float | None = None  # What the file states [s]; 0 for continuous time
     averages: float | None = None  # What the file states of its degrees of freedom
     notes: tuple[str, ...] = ()
+
+
+@contextmanager
+def contradictions_refused(where: str) -> Iterator[None]:
+    """Refuses a file whose parts do not fit each other, whatever reading it then meets.
+
+    Raises:
+        DataError: If sizes, names or numbers of a file contradict each other.
+    """
+    try:
+        yield
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError, ZeroDivisionError) as error:
+        told = " ".join(str(error).split())[:200]
+        what = f"D635 the file's parts do not fit each other ({told})"
+        raise DataError(
+            what, where=where, remedy="export the responses again, or check that it was copied completely"
+        ) from error
+
+
+def check_variance(variance: FloatArray, where: str) -> None:
+    """Refuses negative variances.
+
+    Raises:
+        DataError: If there is one.
+    """
+    wrong = variance[variance < 0]
+    if wrong.size:
+        what = f"D636 a variance is {float(wrong[0]):.3g}, and none is below 0"
+        raise DataError(what, where=where, remedy="export the responses again, or take another `covariance`")
 
 
 def check_lines(frequency_hz: FloatArray, where: str) -> None:
