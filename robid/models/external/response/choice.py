@@ -15,7 +15,7 @@ from robid.models.external.response.orders import Limits, Orders, delay_costs, d
 from robid.models.external.response.residual import Degrees, State
 
 _PERIODS = 5.0  # of the highest line, the longest delay searched
-_LEADING = 25.0  # difference of the score below which a structure is looked at further
+_LEADING = 1.2  # prices of a pole, by which a score may exceed the best for its structure to be looked at further
 _MOST_INTEGRATORS = 2
 _RICH = 8  # poles of the models that delays are looked for with
 
@@ -69,7 +69,7 @@ def choose(lines: Lines, options: ResponseFitOptions) -> list[Candidate]:
     for one in searches:
         asked = one.best if options.poles is None else [options.poles]
         for n_pole in asked:
-            if one.score(n_pole) < least + _LEADING:
+            if one.score(n_pole) < least + _LEADING * evidence.per_pole:
                 found += _simplified(lines, one, n_pole, options)
     return sorted(found, key=lambda each: each.score)
 
@@ -137,7 +137,7 @@ def _simplified(lines: Lines, orders: Orders, n_pole: int, options: ResponseFitO
     for start in starts:
         one = _judged(start, limits, evidence)
         found.append(one)
-        if options.zeros is None and one.score < min(each.score for each in found) + _LEADING:
+        if options.zeros is None and one.score < min(each.score for each in found) + _LEADING * evidence.per_pole:
             found += _fewer_zeros(lines, one, limits, evidence)
     return found
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.response.basis import Polynomials, orthogonalise
+from robid.models.external.response.basis import Columns, Polynomials, orthogonalise
 from robid.models.external.response.denominator import Denominator
 from robid.models.external.response.lines import Lines
 
@@ -34,7 +34,7 @@ class State:
     delay: float  # in the lines' units
     degrees: Degrees  # of each element's numerator
     polynomials: Polynomials  # one set an element
-    columns: FloatArray  # (n_element, degree + 1, n_freq) orthonormal columns, zero beyond the element's degree
+    columns: Columns  # orthonormal columns of each element, zero beyond the element's degree
     coefficients: FloatArray  # (n_element, degree + 1) of the polynomials
     model: ComplexArray  # (n_element, n_freq) weighted model
     residual: ComplexArray  # (n_element, n_freq) weighted data less model
@@ -60,16 +60,12 @@ def evaluate(lines: Lines, denominator: Denominator, delay: float, degrees: Degr
     turned = lines.y * phase
     V, polynomials = orthogonalise(weights, lines.x, max(degrees))
     if min(degrees) < max(degrees):
-        V[np.arange(V.shape[1]) > np.array(degrees)[:, None]] = 0.0
-    c = np.empty(V.shape[:2])
-    c[:, ::2] = (V[:, ::2] @ turned.real[:, :, None])[:, :, 0]
-    c[:, 1::2] = (V[:, 1::2] @ turned.imag[:, :, None])[:, :, 0]
-    model = np.empty(turned.shape, dtype=complex)
-    model.real = (c[:, None, ::2] @ V[:, ::2])[:, 0]
-    model.imag = (c[:, None, 1::2] @ V[:, 1::2])[:, 0]
+        V.limit(np.array(degrees))
+    c = V.along(turned[:, None])
+    model = V.combine(c)[:, 0]
     residual = turned - model
     cost = float(np.vdot(residual, residual).real)
-    return State(denominator, delay, degrees, polynomials, V, c, model, residual, slopes, phase, cost)
+    return State(denominator, delay, degrees, polynomials, V, c[:, 0], model, residual, slopes, phase, cost)
 
 
 def derivatives(state: State, turn: FloatArray | None) -> ComplexArray:
@@ -85,12 +81,7 @@ def derivatives(state: State, turn: FloatArray | None) -> ComplexArray:
 
 def project(state: State, rows: ComplexArray) -> ComplexArray:
     """Takes out of rows (n_element, n_row, n_freq) what the numerators can follow."""
-    found = np.empty_like(rows)
-    for part, V in (("real", state.columns[:, ::2]), ("imag", state.columns[:, 1::2])):
-        own = getattr(rows, part)
-        along = own @ V.transpose(0, 2, 1)
-        setattr(found, part, own - along @ V)
-    return found
+    return np.asarray(rows - state.columns.combine(state.columns.along(rows)))
 
 
 def as_real(rows: ComplexArray) -> FloatArray:

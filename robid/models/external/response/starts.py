@@ -47,7 +47,7 @@ def relocate(lines: Lines, state: State) -> Denominator:
     V, polynomials = orthogonalise(1 / np.maximum(np.abs(A), 1e-150)[None], lines.x, old.n_moving)
     # sigma(s) = sum_k b_k p_k(s) / A_old(s): its columns on the lines, times the data, must be what numerators can
     # follow.
-    columns = V[0] * np.array([1, 1j])[np.arange(old.n_moving + 1) % 2, None] * (np.abs(A) / A)
+    columns = V.one(0) * (np.abs(A) / A)
     data = state.model + state.residual
     M = as_real(project(state, data[:, None, :] * columns))
     # Relaxed: the mean of sigma is one. The least squares with this one constraint are (M M^T)^-1 l up to a factor.
@@ -128,8 +128,9 @@ def _gains(lines: Lines, state: State, added: ComplexArray) -> FloatArray:
     flat = added.reshape(-1, added.shape[2])
     for element in range(lines.n_element):
         rows = flat * (lines.weights[element] * late * state.phase[min(element, len(state.phase) - 1)])
-        V = state.columns[element]
-        left = rows.real - (rows.real @ V[::2].T) @ V[::2] + 1j * (rows.imag - (rows.imag @ V[1::2].T) @ V[1::2])
+        left = rows.copy()
+        for part, V in ((left.real, state.columns.even[element]), (left.imag, state.columns.odd[element])):
+            part -= (part @ V.T) @ V
         left = left.view(float).reshape(*added.shape[:2], -1)
         r = state.residual[element].view(float)
         along = (left @ r).T

@@ -47,9 +47,7 @@ def find_spread(lines: Lines, state: State, *, delayed: bool, scale: float) -> S
     n_moving = state.denominator.n_moving
     J = derivatives(state, lines.turn if delayed else None)
     free = as_real(project(state, J))
-    K = np.empty((*state.coefficients.shape, J.shape[1]))
-    K[:, ::2] = state.columns[:, ::2] @ J.real.transpose(0, 2, 1)
-    K[:, 1::2] = state.columns[:, 1::2] @ J.imag.transpose(0, 2, 1)
+    K = state.columns.along(J).transpose(0, 2, 1)
     deviation = np.sqrt(scale)
     root = _inverse_root(free) * deviation
     shared = np.zeros((n_moving + 1, root.shape[1]))
