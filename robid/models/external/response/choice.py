@@ -17,6 +17,7 @@ from robid.models.external.response.residual import Degrees, State
 _PERIODS = 5.0  # of the highest line, the longest delay searched
 _LEADING = 1.2  # prices of a pole, by which a score may exceed the best for its structure to be looked at further
 _MOST_INTEGRATORS = 2
+_MORE = 2  # powers of numerators that are tried beyond those of the best structure
 _RICH = 8  # poles of the models that delays are looked for with
 
 
@@ -71,18 +72,20 @@ def choose(lines: Lines, options: ResponseFitOptions) -> list[Candidate]:
         for n_pole in asked:
             if one.score(n_pole) < least + _LEADING * evidence.per_pole:
                 found += _simplified(lines, one, n_pole, options)
+    if options.zeros is None:
+        found += _more_zeros(lines, min(found, key=lambda each: each.score), options, evidence)
     return sorted(found, key=lambda each: each.score)
 
 
 def _searches(lines: Lines, options: ResponseFitOptions, evidence: Evidence) -> list[Orders]:
     """Searches all orders at the delay given, or without a delay and with one."""
     limits = Limits(options.integrators or 0, options.relative_degree, options.zeros, None, options.stable)
-    most = options.max_poles if options.poles is None else options.poles
+    most = min(options.max_poles, most_poles(lines, options)) if options.poles is None else options.poles
     unit = 1.0 if options.time == "discrete" else lines.delay_unit_s
     first = Orders(lines, limits, evidence, [(options.delay or 0.0) / unit])
     first.search(most, to_end=options.poles is not None)
     longest = _longest(lines, options)
-    if options.delay is not None or longest <= 0:
+    if options.delay is not None or longest <= 0 or lines.n_row <= lines.n_element + 2:
         return [first]
     leading = most if options.poles is not None else min(most, first.leading() + 1 if first.explained() else most)
     if options.time == "discrete":
@@ -92,6 +95,15 @@ def _searches(lines: Lines, options: ResponseFitOptions, evidence: Evidence) -> 
     second = Orders(lines, free, evidence, delays, also=first.best)
     second.search(leading, to_end=options.poles is not None)
     return [first, second]
+
+
+def most_poles(lines: Lines, options: ResponseFitOptions) -> int:
+    """The most poles that the number of data allows, a delay besides and one datum left over."""
+    # n poles, and n - relative_degree + 1 coefficients for each element, which its own data must determine.
+    added = 1 - options.relative_degree
+    together = (lines.n_row - 2 - lines.n_element * added) // (lines.n_element + 1)
+    alone = 2 * int(np.count_nonzero(lines.weights, axis=1).min()) - 1 - added
+    return max(min(together, alone), options.integrators or 0, 0)
 
 
 def _judged(state: State, limits: Limits, evidence: Evidence) -> Candidate:
@@ -106,13 +118,13 @@ def _longest(lines: Lines, options: ResponseFitOptions) -> float:
 
 
 def _sampled_delays(lines: Lines, first: Orders, evidence: Evidence, leading: int, longest: float) -> list[Orders]:
-    """Searches at whole delays: those at which relocated poles explain the data best, and their neighbours."""
+    """Searches at whole delays: one, those at which relocated poles explain the data best, and their neighbours."""
     grid = np.arange(1.0, np.floor(longest) + 1)
     if not len(grid):
         return []
     costs = delay_costs(lines, first.limits, max(min(leading, _RICH), first.limits.integrators), grid)
     found: dict[float, Orders] = {}
-    queue = [float(grid[index]) for index in np.argsort(costs)[:2]]
+    queue = [1.0, *(float(grid[index]) for index in np.argsort(costs)[:2])]
     best = first
     while queue:
         delay = queue.pop(0)
@@ -184,6 +196,20 @@ def _fewer_zeros(lines: Lines, start: Candidate, limits: Limits, evidence: Evide
                 break
         else:
             return found
+
+
+def _more_zeros(lines: Lines, best: Candidate, options: ResponseFitOptions, evidence: Evidence) -> list[Candidate]:
+    """Tries the best structure with higher powers of its numerators: what these would do is not excluded by being small."""
+    state = best.state
+    limits = Limits(state.denominator.integrators, options.relative_degree, None, best.longest, options.stable)
+    most = limits.degrees(state.denominator.n_pole, 1)[0]
+    poles, found = state.denominator.moving_poles(), []
+    for more in range(1, _MORE + 1):
+        degrees = tuple(min(degree + more, most) for degree in state.degrees)
+        if degrees != state.degrees:
+            trial = _descended(lines, state, limits, degrees, poles, state.denominator.integrators)
+            found.append(_judged(trial, limits, evidence))
+    return found
 
 
 def _lower(state: State, evidence: Evidence) -> list[Degrees]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +21,7 @@ class _Walk:
     """The cost and its quadratic model where a descent goes; the last point is kept, since both are asked for."""
 
     def __init__(self, lines: Lines, start: State, *, delayed: bool) -> None:
-        self.lines, self.start, self.delayed, self.here = lines, start, delayed, start
+        self.lines, self.start, self.delayed, self.here, self.best = lines, start, delayed, start, start
 
     def at(self, parameters: FloatArray) -> State:
         """The state at the parameters."""
@@ -30,6 +31,8 @@ class _Walk:
         if delay != self.here.delay or not np.array_equal(own, parameters[:n_moving]):
             denominator = replace(self.start.denominator, coefficients=parameters[:n_moving].copy())
             self.here = evaluate(self.lines, denominator, delay, self.start.degrees)
+            if self.here.cost < self.best.cost:
+                self.best = self.here
         return self.here
 
     def cost(self, parameters: FloatArray) -> float:
@@ -76,8 +79,9 @@ def descend(
         return first
     walk = _Walk(lines, first, delayed=longest is not None)
     start, lower, upper = _bounded(denominator, delay, longest, stable=stable)
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        found = minimise(
+    # Data that a part of the model explains exactly leave nothing to descend on, and a Hessian that is none.
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
+        minimise(
             walk.cost,
             walk.normal,
             start,
@@ -87,7 +91,7 @@ def descend(
             lower=lower,
             upper=upper,
         )
-    return walk.at(found.parameters)
+    return walk.best
 
 
 def _bounded(

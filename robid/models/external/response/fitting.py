@@ -6,7 +6,7 @@ import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.fit.parameters import Root
-from robid.models.external.response.choice import Candidate, choose
+from robid.models.external.response.choice import Candidate, choose, most_poles
 from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.descent import polish
 from robid.models.external.response.evidence import misfit_of, n_parameter, scale_of
@@ -17,7 +17,7 @@ from robid.models.external.response.residual import State
 from robid.models.external.response.result import RationalFit, Tried
 from robid.models.external.response.uncertainty import Spread, find_spread, gain_moves, pole_moves, zero_moves
 
-_NEAR = 10.0  # difference of the score, below which a structure is not excluded
+_NEAR = 14.0  # difference of the score, below which a structure is not excluded
 _MOST = 8  # structures not excluded that are kept
 
 
@@ -45,6 +45,9 @@ def fit_response(data: MeasuredResponse, options: ResponseFitOptions | None = No
     data.check()
     options.check()
     lines = make_lines(data, options.time)
+    if options.poles is not None and options.poles > most_poles(lines, options):
+        message = f"Option `poles` must not exceed {most_poles(lines, options)} for so few data."
+        raise ValueError(message)
     candidates = choose(lines, options)
     best = candidates[0]
     longest = None if not best.delayed else best.longest

@@ -27,6 +27,8 @@ _FIRST_DAMPING = 0.02
 _REACH = 1e3  # over the highest line, beyond which a relocated pole is brought back
 _SINGULAR = 1e-14  # of the largest, an eigenvalue that rounding makes
 _DAMPINGS = (0.005, 0.05, 0.5)
+_LAST = 1e-12  # of the largest, the least last coefficient: below it, a pole is at infinity
+_NOTHING = 1e-100  # deviations, a response that is none
 _NEAR = 0.1  # logarithm of two frequencies' ratio below which they count as one place
 
 
@@ -51,11 +53,20 @@ def relocate(lines: Lines, state: State) -> Denominator:
     data = state.model + state.residual
     M = as_real(project(state, data[:, None, :] * columns))
     # Relaxed: the mean of sigma is one. The least squares with this one constraint are (M M^T)^-1 l up to a factor.
-    size = np.maximum(np.linalg.norm(M, axis=1), 1e-150)
+    size = np.linalg.norm(M, axis=1)
+    if size.min() < _NOTHING:
+        return old
     values, vectors = np.linalg.eigh((M / size[:, None]) @ (M / size[:, None]).T)
     mean = vectors.T @ (columns.real.sum(axis=1) / size)
-    b = vectors @ (mean / np.maximum(values, _SINGULAR * values[-1])) / size
-    return _within_reach(lines, polynomials.roots(b / np.abs(b).max()), old)
+    b = vectors @ (mean / np.maximum(values, max(_SINGULAR * values[-1], 1e-150))) / size
+    return _within_reach(lines, polynomials.roots(_ending(b)), old)
+
+
+def _ending(b: FloatArray) -> FloatArray:
+    """Scales coefficients and gives them a last one that roots can be found with."""
+    scaled = b / max(np.abs(b).max(), 1e-150)
+    scaled[-1] = np.copysign(max(abs(scaled[-1]), _LAST), scaled[-1])
+    return np.asarray(scaled)
 
 
 def _within_reach(lines: Lines, poles: ComplexArray, old: Denominator) -> Denominator:

@@ -45,21 +45,23 @@ def find_spread(lines: Lines, state: State, *, delayed: bool, scale: float) -> S
     # Residual r = y - V c - .. with orthonormal V: the part J of poles and delay that numerators cannot follow decides
     # how far these may be off, (J J^T)^-1; numerators follow them by K = V^T dr, and have unit errors besides.
     n_moving = state.denominator.n_moving
+    deviation = np.sqrt(scale)
+    alone = (np.arange(state.coefficients.shape[1]) <= np.array(state.degrees)[:, None]) * deviation
+    if n_moving + delayed == 0:
+        return Spread(state, delayed, np.zeros((1, 0)), np.zeros((*alone.shape, 0)), alone)
     J = derivatives(state, lines.turn if delayed else None)
     free = as_real(project(state, J))
     K = state.columns.along(J).transpose(0, 2, 1)
-    deviation = np.sqrt(scale)
     root = _inverse_root(free) * deviation
     shared = np.zeros((n_moving + 1, root.shape[1]))
-    shared[: len(root)] = root
-    alone = (np.arange(K.shape[1]) <= np.array(state.degrees)[:, None]) * deviation
+    shared[:n_moving] = root[:n_moving]
+    if delayed:
+        shared[-1] = root[-1]
     return Spread(state, delayed, shared, K @ root, alone)
 
 
 def _inverse_root(rows: FloatArray) -> FloatArray:
     """Returns a root of `(J J^T)^-1` of rows J (n_param, n_data); what they do not determine is off by very much."""
-    if not len(rows):
-        return np.zeros((0, 0))
     size = np.maximum(np.linalg.norm(rows, axis=1), 1e-150)
     turned, values, _ = np.linalg.svd(rows / size[:, None], full_matrices=False)
     inverse = np.where(values > _SINGULAR * values[0], 1 / np.maximum(values, 1e-300), _UNBOUNDED)
