@@ -23,6 +23,8 @@ _MEANINGS = {
     "design.d_100000_s": "D-optimal weights of 100,000 candidates [s]",
     "design.prediction_vs_d": "configurations for prediction, over D-optimal ones of the same 300 candidates",
     "design.vs_cvxpy_3000": "D-optimal weights of 3,000 candidates, against cvxpy with Clarabel, to the same optimum",
+    "external.response_vs_scipy": "a response of 2 x 3 elements, 12 poles, against scipy on finite differences",
+    "external.response_vs_scipy_one_element": "the same of one element and 9 poles",
     "external.vs_lsim": "simulation of external models, against scipy's `lsim`",
     "face.parameters_vs_read": "opening a run in Python and reading its parameters, against reading the HDF5 file",
     "fit.cost_ms": "cost of a fit: 15 configurations, 60 lines, 6 x 6, 26 parameters [ms]",

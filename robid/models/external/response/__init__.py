@@ -1,0 +1,6 @@
+"""Rational transfer functions fitted to measured frequency responses.
+
+Read `data` and `options`; `lines`, `basis`, `denominator` and `residual`, the least-squares problem for given poles;
+`starts` and `descent`, the search of poles; `orders` and `choice`, which structure; `uncertainty`, `result`; `fitting`
+calls them all.
+"""

@@ -1,0 +1,156 @@
+"""Fits rational transfer functions to a measured frequency response."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from robid.arrays import ComplexArray, FloatArray
+from robid.models.external.fit.parameters import Root
+from robid.models.external.response.choice import Candidate, choose, most_poles
+from robid.models.external.response.data import MeasuredResponse
+from robid.models.external.response.descent import polish
+from robid.models.external.response.evidence import misfit_of, n_parameter, scale_of
+from robid.models.external.response.lines import Lines, make_lines
+from robid.models.external.response.options import ResponseFitOptions
+from robid.models.external.response.powers import coefficients_of
+from robid.models.external.response.residual import State
+from robid.models.external.response.result import RationalFit, Tried
+from robid.models.external.response.uncertainty import Spread, find_spread, gain_moves, pole_moves, zero_moves
+
+_NEAR = 14.0  # difference of the score, below which a structure is not excluded
+_MOST = 8  # structures not excluded that are kept
+
+
+def fit_response(data: MeasuredResponse, options: ResponseFitOptions | None = None) -> RationalFit:
+    """Fits transfer functions with common poles and one delay by maximum likelihood.
+
+    `V = sum |G - B/A exp(-s T)|^2 / sigma^2` over lines and elements, sigma the deviation of a real part, is the
+    likelihood of circular errors. The structure is chosen as far as `options` leave it open.
+
+    Args:
+        data: The response, with the variance of its error.
+        options: What is given.
+
+    Returns:
+        The model with the most evidence, its covariance, and every structure tried. Where its cost is significantly
+        above the expectation, variances are scaled by their ratio.
+
+    Raises:
+        ValueError: If the data or the options cannot be.
+
+    Source:
+        Pintelon and Schoukens (2012), "System Identification: A Frequency Domain Approach", ch. 8 and 9.
+    """
+    options = options or ResponseFitOptions()
+    data.check()
+    options.check()
+    lines = make_lines(data, options.time)
+    if options.poles is not None and options.poles > most_poles(lines, options):
+        message = f"Option `poles` must not exceed {most_poles(lines, options)} for so few data."
+        raise ValueError(message)
+    candidates = choose(lines, options)
+    best = candidates[0]
+    longest = None if not best.delayed else best.longest
+    state = polish(lines, best.state, longest=longest, stable=options.stable)
+    return make_result(lines, state, data, options, candidates, delayed=best.delayed)
+
+
+def make_result(
+    lines: Lines,
+    state: State,
+    data: MeasuredResponse,
+    options: ResponseFitOptions,
+    candidates: list[Candidate],
+    *,
+    delayed: bool,
+) -> RationalFit:
+    """Puts together what was found."""
+    scale, chance = scale_of(lines, state, delayed=delayed), misfit_of(lines, state, delayed=delayed)[1]
+    spread = find_spread(lines, state, delayed=delayed, scale=scale)
+    shape = data.response.shape[1:]
+    numerator, denominator, root = _in_units(lines, spread)
+    zeros = [_roots(lines, *zero_moves(spread, element)) for element in range(lines.n_element)]
+    # (z - 1) / T is s at low frequencies, and 2 / T times its place in the discrete-time plane here.
+    unit = lines.reference if options.time == "continuous" else 2 / lines.delay_unit_s
+    gain_unit = unit**state.denominator.integrators
+    gains = [gain_moves(spread, element) for element in range(lines.n_element)]
+    freedom = lines.n_row - n_parameter(state, delayed=delayed)
+    return RationalFit(
+        time=options.time,
+        numerator=numerator.reshape(*shape, -1),
+        denominator=denominator,
+        delay_s=state.delay * lines.delay_unit_s,
+        delay_std_s=float(np.linalg.norm(root[-1])),
+        sampling_period_s=data.sampling_period_s,
+        integrators=state.denominator.integrators,
+        poles=_roots(lines, *pole_moves(spread)),
+        zeros=tuple(tuple(zeros[row * shape[1] + column] for column in range(shape[1])) for row in range(shape[0])),
+        gain=np.array([gain for gain, _ in gains]).reshape(shape) * gain_unit,
+        gain_std=np.array([float(np.linalg.norm(moves)) for _, moves in gains]).reshape(shape) * gain_unit,
+        covariance_root=root,
+        reference=lines.reference,
+        cost=state.cost,
+        degrees_of_freedom=freedom,
+        misfit_chance=chance,
+        widened=float(np.sqrt(scale)),
+        confidence=options.confidence,
+        tried=_tried(lines, candidates),
+        lines=lines,
+        spread=spread,
+        alternatives=_alternatives(lines, candidates, scale),
+    )
+
+
+def _alternatives(lines: Lines, candidates: list[Candidate], scale: float) -> tuple[tuple[float, Spread], ...]:
+    """Structures near the best one, weighted by exp(-score / 2), as posterior probabilities are by their evidence."""
+    unique = {one.structure: one for one in reversed(candidates)}
+    near = sorted(
+        (one for one in unique.values() if one.score < candidates[0].score + _NEAR), key=lambda one: one.score
+    )
+    weights = np.exp([(candidates[0].score - one.score) / 2 for one in near[: _MOST + 1]])
+    weights /= weights.sum()
+    return tuple(
+        (float(weight), find_spread(lines, one.state, delayed=one.delayed, scale=scale))
+        for weight, one in zip(weights[1:], near[1:], strict=False)
+    )
+
+
+def _in_units(lines: Lines, spread: Spread) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Numerators and denominator in powers of s [rad/s] or z, and the covariance's root in those over the reference."""
+    found = coefficients_of(spread, discrete=lines.time == "discrete")
+    n_pole, n_power = len(found.denominator) - 1, found.numerator.shape[1]
+    root = found.root.copy()
+    root[-1] *= lines.delay_unit_s
+    above = n_pole - np.arange(n_power - 1.0, -1.0, -1.0)
+    return (
+        found.numerator * lines.reference**above,
+        found.denominator * lines.reference ** np.arange(n_pole + 1.0),
+        root,
+    )
+
+
+def _roots(lines: Lines, places: ComplexArray, moves: ComplexArray) -> tuple[Root, ...]:
+    """Roots in rad/s, or in z, the slow ones first."""
+    own, changes = places * lines.reference, moves * lines.reference
+    if lines.time == "discrete":
+        own, changes = (1 + places) / (1 - places), moves * (2 / (1 - places) ** 2)[:, None]
+    order = sorted(range(len(places)), key=lambda index: (abs(places[index]), places[index].real, places[index].imag))
+    return tuple(Root(complex(own[index]), changes[index]) for index in order)
+
+
+def _tried(lines: Lines, candidates: list[Candidate]) -> tuple[Tried, ...]:
+    """What was tried, each structure once."""
+    found: dict[object, Tried] = {}
+    for one in candidates:
+        state = one.state
+        own = Tried(
+            state.denominator.n_pole,
+            state.degrees,
+            state.denominator.integrators,
+            state.delay * lines.delay_unit_s,
+            one.delayed,
+            state.cost,
+            one.score,
+        )
+        found.setdefault(one.structure, own)
+    return tuple(found.values())
