@@ -146,6 +146,8 @@ class Family:
     # How badly a model describes its data, and data that it never saw where it was validated: positive numbers by name,
     # by which models of a fleet are compared; only large ones are suspicious.
     misfits: Callable[[Artifact, Artifact | None], Mapping[str, float]] = lambda _model, _validation: {}
+    # What fits and validates in its place where campaigns have responses alone; None where it does so itself.
+    of_responses: Family | None = None
 
 
 def family_of(loaded: LoadedExperiment, fit: str) -> Family:
@@ -154,4 +156,7 @@ def family_of(loaded: LoadedExperiment, fit: str) -> Family:
     if not isinstance(family, Family):
         message = f"{family.name} is no family"
         raise TypeError(message)
+    first = loaded.experiment.campaigns.get(loaded.experiment.fits[fit].campaigns[0])
+    if family.of_responses is not None and first is not None and first.is_response:
+        return family.of_responses
     return family

@@ -120,7 +120,7 @@ def gather(
 
 def _reports(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> tuple[tuple[FitReport, ...], dict[str, float]]:
     """Lays out fits, those of one family beside each other, and compares these by dotted name."""
-    families = {name: loaded.experiment.fits[name].family for name in shown}
+    families = {name: (family_of(loaded, name).name, family_of(loaded, name).reads) for name in shown}
     alike = {family: [name for name in shown if families[name] == family] for family in families.values()}
     besides = {name: tuple(shown[one] for one in alike[families[name]] if one != name) for name in shown}
     fits = tuple(family_of(loaded, name).report(replace(shown[name], beside=besides[name])) for name in shown)

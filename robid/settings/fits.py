@@ -97,6 +97,10 @@ class SettingsOfFamily(Protocol):
         """Whether its fits ask for the inside of the robot."""
 
     @property
+    def of_responses(self) -> SettingsOfFamily | None:
+        """What fits in its place where campaigns have responses alone, if anything does."""
+
+    @property
     def problems(self) -> Callable[[Experiment, str, RobotFile], Found]:
         """Finds what is wrong with one of its fits for a robot, by the fit's name: fields below the fit, messages."""
 

@@ -48,7 +48,10 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with an external fit."""
     fit = external_fit(experiment, name)
     limit = "poles" if fit.poles is not None else "max_poles"
-    if fit.zeros is not None and fit.zeros >= (fit.poles or fit.max_poles):
+    given = [each for each in fit.campaigns if each in experiment.campaigns and experiment.campaigns[each].is_response]
+    if given:
+        yield from _of_responses(fit)
+    elif fit.zeros is not None and fit.zeros >= (fit.poles or fit.max_poles):
         most = fit.poles or fit.max_poles
         yield ("zeros",), f"S061 is not below `{limit}` ({most}): transfer functions are strictly proper"
     if fit.choose_on is not None and fit.choose_on not in fit.campaigns:
@@ -63,6 +66,17 @@ def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
             yield ("start",), "S062 is `periodic`, but a campaign is one shot: let it be `free`, or `rest`"
             break
     yield from _pairs(experiment, fit, read, robot)
+
+
+def _of_responses(fit: ExternalFit) -> _Found:
+    """Yields what a fit to responses cannot be."""
+    most = (fit.poles or fit.max_poles) - fit.relative_degree
+    if fit.zeros is not None and fit.zeros > most:
+        yield ("zeros",), f"S621 exceeds poles less `relative_degree` ({most})"
+    if fit.relative_degree < 0 and fit.time == "discrete":
+        yield ("relative_degree",), "S622 is negative: functions in z have at most as many zeros as poles"
+    if fit.choose_on is not None:
+        yield ("choose_on",), "S623 decides nothing of responses: their order is chosen by evidence"
 
 
 def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot: RobotFile) -> _Found:
@@ -83,6 +97,8 @@ def _pairs(experiment: Experiment, fit: ExternalFit, read: Sequence[str], robot:
 
 def _channel_names(campaign: Campaign, robot: RobotFile) -> tuple[tuple[str, ...], tuple[str, ...]]:
     outputs = output_names(campaign, robot)
+    if campaign.source is not None and campaign.source.response is not None:
+        return tuple(channel.name for channel in campaign.source.response.inputs), outputs
     if campaign.source is not None and campaign.source.acquire is not None:
         acquire = campaign.source.acquire
         return tuple(channel.name for channel in acquire.references or acquire.inputs), outputs

@@ -64,7 +64,7 @@ def check_experiment(
         check_designs(experiment, robot),
         check_cycles(experiment),
         check_handed_on(experiment),
-        check_readers(experiment, {name: families[fit.family].reads for name, fit in experiment.fits.items()}),
+        check_readers(experiment, families),
         () if studies is None else studies.check(experiment, robot),
     ]
     for name, campaign in experiment.campaigns.items():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from robid.settings.base import DATA_VARIABLE
 from robid.settings.checks.logs import check_outputs, wrong_kinds
 from robid.settings.experiment import Campaign, Experiment
+from robid.settings.fits import Families
 from robid.settings.problems import Found, suggest
 from robid.settings.robot import RobotFile
 from robid.settings.sources import ResponseSource
@@ -76,14 +77,20 @@ def check_response_of_robot(field: FieldPath, source: ResponseSource, robot: Rob
         yield (*inside, *place), problem
 
 
-def check_readers(experiment: Experiment, reads: dict[str, tuple[str, ...]]) -> Found:
+def check_readers(experiment: Experiment, families: Families) -> Found:
     """Yields fits and designs that need what a campaign of responses alone does not have."""
     for name, fit in experiment.fits.items():
-        for of in (*fit.campaigns, *((fit.validate_on,) if fit.validate_on else ())):
-            campaign = experiment.campaigns.get(of)
-            if campaign is not None and campaign.is_response and "frf" not in reads[name]:
-                told = f"S616 campaign `{of}` has responses alone, and family {fit.family} reads records"
-                yield ("fits", name, "validate_on" if of == fit.validate_on else "from"), told
+        family, key = families[fit.family], "from"
+        every = [*fit.campaigns, *((fit.validate_on,) if fit.validate_on else ())]
+        given = {of: experiment.campaigns[of].is_response for of in every if of in experiment.campaigns}
+        if "frf" in family.reads or not any(given.values()):
+            continue
+        if family.of_responses is None:
+            told = "S616 campaign `{}` has responses alone, and family {} reads records"
+            yield ("fits", name, key), told.format(next(of for of in given if given[of]), fit.family)
+        elif not all(given.values()):
+            told = "S620 campaign `{}` has a record, and others of this fit responses alone: fit them apart"
+            yield ("fits", name, key), told.format(next(of for of in given if not given[of]))
     for name, design in experiment.designs.items():
         campaign = experiment.campaigns.get(design.campaign)
         if campaign is not None and campaign.is_response:

@@ -64,6 +64,19 @@ class ExternalOptions:
         "Whether speed references to a position are first integrated to position commands, which removes the "
         "known integrator from the model.",
     )
+    time: Literal["continuous", "discrete"] = option(
+        "continuous", "Of fits to responses: transfer functions in s, or in z of a response between samples."
+    )
+    integrators: int | None = option(
+        None, "Of fits to responses: number of exact integrators; 0, 1 or 2 by evidence when not given.", ge=0, le=4
+    )
+    relative_degree: int = option(
+        0,
+        "Of fits to responses: least number of poles less zeros; negative for improper functions, as of torque to "
+        "position the other way round.",
+        ge=-4,
+        le=100,
+    )
     coupling: CouplingOptions = group(CouplingOptions, "When channels count as coupled.")
     confidence: float = option(0.95, "Level of the intervals.", gt=0, lt=1)
     identifiable_relative_std: float = option(

@@ -1,0 +1,126 @@
+"""How far to trust transfer functions that were fitted to a response, by themselves and on other responses."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from robid.arrays import FloatArray
+from robid.errors import DataError
+from robid.frf.frf import Frf
+from robid.models.conclusions import graded_alone, outcome_of
+from robid.models.external.fit.options import ExternalOptions
+from robid.models.external.judge.plausible import MODEL_ERROR, NRMSE_LIMIT
+from robid.models.external.of_responses.fitting import held, relative_errors
+from robid.models.external.of_responses.solution import RationalSolution, RationalValidation, Shown
+from robid.results.finding import Finding
+from robid.results.grade import Grade
+
+LIMIT = 1 - NRMSE_LIMIT
+"""Largest relative error of a model that may be used, as for records."""
+_BEYOND = 1.5  # of what is expected
+
+
+def findings_of(solution: RationalSolution, options: ExternalOptions) -> tuple[Finding, ...]:
+    """Returns what of the fit is doubtful, decisive findings first."""
+    quality = solution.quality
+    found = [
+        *_errors(solution, quality.relative_error, np.hypot(quality.relative_noise, MODEL_ERROR), "the fit's own data")
+    ]
+    found += _orders(solution, options)
+    return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
+
+
+def assess_rational(solution: RationalSolution, options: ExternalOptions) -> Grade:
+    """Grades a fit by itself: it predicts at best."""
+    return graded_alone(findings_of(solution, options), solution.estimate.status)
+
+
+def _errors(solution: RationalSolution, error: FloatArray, expected: FloatArray, where: str) -> Iterator[Finding]:
+    worst = int(np.nanargmax(error / np.maximum(expected, LIMIT)))
+    name, size, most = solution.transfers.names[worst], float(error[worst]), float(expected[worst])
+    if size > max(LIMIT, _BEYOND * most):
+        told = f"{name} is off by {size:.1%} of its response on {where}, limit {LIMIT:.0%}"
+        yield Finding("model", told, decisive=True, strength=size / LIMIT)
+        return
+    worst = int(np.nanargmax(error / expected))
+    ratio = float(error[worst] / expected[worst])
+    if ratio > _BEYOND:
+        told = (
+            f"{solution.transfers.names[worst]} is off by {ratio:.2g} times what its deviations and a model error of "
+            f"{MODEL_ERROR:.0%} explain ({where})"
+        )
+        yield Finding("model", told, decisive=False, strength=ratio / _BEYOND)
+
+
+def _orders(solution: RationalSolution, options: ExternalOptions) -> Iterator[Finding]:
+    """A chosen order that ends where no more were tried, with a misfit left."""
+    for index, name in enumerate(solution.transfers.blocks):
+        at_most = options.poles is None and int(solution.transfers.poles[index]) == options.max_poles
+        if at_most and solution.quality.widened[index] > 1:
+            told = f"{name} has as many poles as were tried, {options.max_poles}, and a misfit: raise `max_poles`"
+            yield Finding("model", told, decisive=False, strength=float(solution.quality.widened[index]))
+
+
+def validate_rational(solution: RationalSolution, frf: Frf, findings: Sequence[Finding] = ()) -> RationalValidation:
+    """Validates transfer functions on the response of another campaign.
+
+    Raises:
+        DataError: If its channels, its hold or its number of configurations are not those of the fit.
+    """
+    _check(solution, frf)
+    transfers, ports = solution.transfers, solution.ports
+    hold = held(frf.frequency_hz, ports)[:, None]
+    period = ports.sampling_period_s
+    model = np.stack([transfers.response(c, frf.frequency_hz, period) for c in range(len(transfers.names))], axis=1)
+    near = np.clip(frf.frequency_hz, *solution.shown.frequency_hz[[0, -1]])
+    deviation = np.stack(
+        [np.interp(near, solution.shown.frequency_hz, each) for each in solution.shown.model_std.T], axis=1
+    )
+    places = np.arange(frf.frequency_hz.size)[:, None], transfers.outputs, transfers.inputs
+    shown = Shown(
+        frequency_hz=frf.frequency_hz,
+        measured=frf.known_response[0][places],
+        measured_std=np.sqrt(frf.element_variance()[0][places]),
+        model=model * hold,
+        model_std=deviation,
+    )
+    error, noise, parameters = relative_errors(shown)
+    expected = np.sqrt(noise**2 + parameters**2 + MODEL_ERROR**2)
+    failures = tuple(
+        f"{name} is off by {one:.1%} of its response, limit {LIMIT:.0%}"
+        for name, one, most in zip(transfers.names, error.tolist(), expected.tolist(), strict=True)
+        if one > max(LIMIT, _BEYOND * most)
+    )
+    every = [*findings, *_band(solution, frf), *_errors(solution, error, expected, "the validation")]
+    verdict = f"does not predict the response: {'; '.join(failures)}" if failures else _verdict(solution, error)
+    return RationalValidation(outcome_of(solution.estimate, every, failures, verdict), shown, error, expected)
+
+
+def _verdict(solution: RationalSolution, error: FloatArray) -> str:
+    worst = int(np.nanargmax(error))
+    return f"predicts the response: off by {error[worst]:.2%} or less ({solution.transfers.names[worst]})"
+
+
+def _band(solution: RationalSolution, frf: Frf) -> Iterator[Finding]:
+    """Lines of the validation beyond those of the fit."""
+    low, high = solution.shown.frequency_hz[[0, -1]]
+    beyond = (frf.frequency_hz < 0.9 * low) | (frf.frequency_hz > 1.1 * high)
+    if beyond.any():
+        told = f"{int(beyond.sum())} lines of the validation lie outside the {low:.3g} to {high:.3g} Hz of the fit"
+        yield Finding("band", told, decisive=False, strength=1 + float(beyond.mean()))
+
+
+def _check(solution: RationalSolution, frf: Frf) -> None:
+    ports = solution.ports
+    told = ""
+    if (frf.input_names, frf.output_names) != (ports.inputs, ports.outputs):
+        told = f"channels {', '.join((*frf.output_names, *frf.input_names))}"
+    elif len(frf.configurations) != 1:
+        told = f"{len(frf.configurations)} configurations"
+    elif (frf.hold_period_s or 0.0) != ports.sampling_period_s:
+        told = "another sampling period"
+    if told:
+        remedy = "validate on a response of the same channels, sampled alike, in one configuration"
+        raise DataError(f"D641 the validation has {told} than the fit", where="validation", remedy=remedy)
