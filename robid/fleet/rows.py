@@ -17,7 +17,7 @@ from robid.fleet.ledger import Ledger, logs_away, read_ledger, why_stale
 from robid.fleet.manifest import COLUMNS, ID, Manifest, Robots, read_manifest, robots_of, wrong_rows, wrong_times
 from robid.models.known import load_row
 from robid.pipeline.graph import Node, asked_for
-from robid.pipeline.plans import experiment_count
+from robid.pipeline.plans import experiment_count, response_files
 from robid.settings.base import DATA_VARIABLE, data_path
 from robid.settings.experiment import Experiment
 from robid.settings.load import LoadedExperiment, read_robot
@@ -160,12 +160,15 @@ def _row_problems(
 
 
 def _log_paths(loaded: LoadedExperiment, field: FieldPath) -> Iterator[Path]:
-    """Where the logs are that a field names; none for other fields."""
+    """Where the logs or responses are that a field names; none for other fields."""
     from robid.settings.checks.configurations import configuration_count
 
-    if field[-1] != "file" or "acquire" not in field:
+    if field[-1] != "file" or not {"acquire", "response"} & set(field):
         return
     campaign = loaded.experiment.campaigns[str(field[1])]
+    if campaign.source is not None and campaign.source.response is not None:
+        yield from response_files(loaded, campaign, campaign.source.response).values()
+        return
     acquire = None if campaign.source is None else campaign.source.acquire
     if acquire is None:
         return

@@ -133,7 +133,7 @@ def fill(document: Document, row: Row) -> Filled:
 
 
 def _names_file(field: FieldPath) -> bool:
-    return field == ("robot",) or (field[-1] == "file" and "acquire" in field)
+    return field == ("robot",) or (field[-1] == "file" and bool({"acquire", "response"} & set(field)))
 
 
 def _outside(name: str) -> str:

@@ -183,3 +183,20 @@ def test_records_and_responses_are_fitted_apart(bench):
     answer = bench.robid("run", "plain.yaml")
     assert answer.code == 2
     assert "S620" in answer.err
+
+
+def test_responses_of_a_fleet_are_rows_and_stay_in_their_folder(bench):
+    """Each row names a file of responses; one that leads out of the folder through a link is refused."""
+    experiment(bench.folder, {})
+    text = (bench.folder / "plain.yaml").read_text().replace("file: own.csv", "file: ${row.file}")
+    (bench.folder / "plain.yaml").write_text(text)
+    (bench.folder / "rows.csv").write_text("id,file\none,own.csv\ntwo,other.csv\n")
+    answer = bench.robid("reprocess", "rows.csv", "plain.yaml")
+    assert answer.code == 0, answer.err
+    outside = bench.folder.parent / "outside.csv"
+    outside.write_text((bench.folder / "own.csv").read_text())
+    (bench.folder / "link.csv").symlink_to(outside)
+    (bench.folder / "rows.csv").write_text("id,file\nthree,link.csv\n")
+    answer = bench.robid("reprocess", "rows.csv", "plain.yaml")
+    assert answer.code == 2
+    assert "through a link" in answer.flat
