@@ -12,7 +12,9 @@ Schema history:
         2.6: elastic fits say in `elastic/doubts/moves` what nuisances move the middles of intervals by, and in
             `elastic/detectable` how large a defect their residual would have shown.
         2.7: rigid fits say in `rigid/residuals/shot` which record each row is of.
+        2.8: external fits of responses have `external/transfers`, `external/quality` and `external/shown` of their own.
     validation:
+        3.4: external validations on responses have `external/shown`, `external/relative_error` and `external/expected`.
         3.3: rigid validations say in `rigid/prediction/shot` which record each row is of.
         3.2: `grade/scales`, where a grade saw wrong scales.
         3.1: elastic validations hold the resonances of their data in `elastic/new_resonances`.
@@ -38,8 +40,8 @@ with later(__name__):
     from robid.results.outcome import Outcome
     from robid.results.scale import read_scale
 
-MODEL = Kind("model", "2.7", "robid fit")
-VALIDATION = Kind("validation", "3.3", "robid validate")
+MODEL = Kind("model", "2.8", "robid fit")
+VALIDATION = Kind("validation", "3.4", "robid validate")
 START = Kind("start", "1.0", "robid fit")
 
 Parts: TypeAlias = tuple[Mapping[str, Dataset], Mapping[str, Attribute]]

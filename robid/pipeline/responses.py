@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray
 from robid.artifacts.kinds import FILES, FRF, files_from_artifact, files_to_artifact, frf_from_artifact, frf_to_artifact
 from robid.artifacts.store import kind_of, read_artifact, write_artifact
-from robid.errors import ArtifactError, DataError
+from robid.errors import ArtifactError, DataError, SettingsError
 from robid.frf.channels import response_kept
 from robid.frf.files import ResponseFiles
 from robid.frf.frf import Frf
@@ -25,7 +25,11 @@ from robid.logs.responses.table import ResponseTable, contradictions_refused
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.plans import response_files
 from robid.pipeline.stage import Job, counted
+from robid.robot.linearize import linearize, solve_statics
+from robid.robot.model import build_model
+from robid.robot.response import nominal_parameters, response
 from robid.settings.sources import ResponseSource
+from robid.signals.quantities import DRIVES
 
 _TOLD = {
     "stated": "deviations of the file",
@@ -38,6 +42,7 @@ def check(job: Job) -> str:
     """Reads a campaign's files of responses once, and records what they are; returns its key figures."""
     configurations = configurations_of(job.loaded, job.campaign, job.inputs)
     frf, covariance = _read(job, configurations)
+    refuse_inverse(job, frf)
     paths = response_files(job.loaded, job.campaign, _source(job))
     found = ResponseFiles(
         names=tuple(paths),
@@ -151,3 +156,39 @@ def _own_artifact(path: Path) -> list[ResponseTable | Frf] | None:
         return None
     frf = frf_from_artifact(read_artifact(path, FRF))
     return [frf.select([index]) for index in range(len(frf.configurations))]
+
+
+_FAR, _NEAR = 10.0, 2.0  # factors
+
+
+def refuse_inverse(job: Job, frf: Frf) -> None:
+    """Refuses responses that are far from the robot file's, while their inverses are near it.
+
+    Where the robot cannot be built, there is nothing to compare with; the stages that need it say so.
+
+    Raises:
+        DataError: If it is so.
+    """
+    driven = all(one.quantity in DRIVES for one in frf.input_channels)
+    own = [name for name in frf.input_names if name in frf.output_names]
+    if job.loaded.experiment.robot is None or not driven or not own:
+        return
+    try:
+        robot = job.loaded.robot.to_robot(job.campaign.payload_kg)
+        model = build_model(robot)
+        linear = linearize(model, solve_statics(model, frf.configurations[:1]))
+        nominal = response(linear, nominal_parameters(robot, linear, 0.0), frf.frequency_hz, None).sampled[0]
+    except (DataError, SettingsError):
+        return
+    joints = [joint.name for joint in robot.joints]
+    ratios = []
+    for name in own:
+        if name in joints:
+            measured = frf.known_response[0, :, frf.output_names.index(name), frf.input_names.index(name)]
+            stated = nominal[:, joints.index(name), joints.index(name)]
+            ratios.append(np.abs(np.array([measured / stated, 1 / (measured * stated)])))
+    told = np.nanmedian(np.abs(np.log(np.concatenate(ratios, axis=1))), axis=1) if ratios else np.zeros(2)
+    if told[0] > np.log(_FAR) and told[1] < np.log(_NEAR):
+        what = "D642 the response looks like the inverse of the robot's: motions in, torques out"
+        remedy = "export it from torque to motion"
+        raise DataError(what, remedy=remedy)

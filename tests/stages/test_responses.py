@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from scipy.io import loadmat, savemat
 
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.results import MODEL
@@ -195,3 +196,16 @@ def test_position_dependent_models_are_the_same(shop):
     ours, theirs = (read_artifact(shop.folder / f"runs/{run}/fits/own/model.h5", MODEL) for run in ("turk", "given"))
     values = [each.datasets["estimate/value"].values for each in (ours, theirs)]
     np.testing.assert_allclose(values[1], values[0], rtol=1e-9, atol=1e-12)
+
+
+def test_an_inverse_response_is_named(done):
+    """Torque per acceleration: its inverse is what the robot file says."""
+    shop = exported(done)
+    name = given(shop, "mat")
+    path = shop.runs / "estimation/export/frf.mat"
+    content = {key: value for key, value in loadmat(path).items() if not key.startswith("__")}
+    inverse = np.linalg.inv(content["response"])
+    savemat(path, {**content, "response": inverse, "variance": np.abs(inverse) ** 2 * 1e-4})
+    answer = shop.robid("run", name)
+    assert answer.code == 4
+    assert "D642" in answer.err
