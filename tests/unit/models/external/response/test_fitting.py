@@ -68,7 +68,7 @@ def again(fit, seed):
     data = measured(NUMERATOR, DENOMINATOR, delay=2e-3, seed=seed)
     lines, own = make_lines(data, "continuous"), fit.spread.state
     state = descend(lines, own.denominator, own.delay, own.degrees, longest=100.0, tolerance=1e-9)
-    return make_result(lines, state, data, ResponseFitOptions(), [Candidate(state, 0.0, 100.0)], delayed=True)
+    return make_result(lines, state, data, ResponseFitOptions(), [Candidate(state, 0.0, 100.0)])
 
 
 def test_an_exact_response_gives_its_transfer_function_back():
