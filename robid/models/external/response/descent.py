@@ -64,8 +64,8 @@ def descend(
 ) -> State:
     """Descends from a denominator and a delay, in the lines' units, with numerators of given degrees.
 
-    The delay stays unless a `longest` one is given; `stable` keeps poles so, and `tolerance` is the relative decrease of
-    the cost at which the descent ends.
+    The delay stays unless a `longest` one is given; `stable` keeps poles so, and `tolerance` is the relative decrease
+    of the cost at which the descent ends.
     """
     lower = np.full(denominator.n_moving, _LEAST if stable else -np.inf)
     coefficients = np.maximum(denominator.coefficients, lower)

@@ -18,7 +18,7 @@ from robid.models.external.response.result import RationalFit, Tried
 from robid.models.external.response.uncertainty import Spread, find_spread, gain_moves, pole_moves, zero_moves
 
 _NEAR = 14.0  # difference of the score, below which a structure is not excluded
-_AKAIKE = 2.0
+_LEFT_OUT = 3.5  # price of a numerator coefficient in weights, between Akaike's 2 and that of evidence, tuned on trials
 _MOST = 8  # structures not excluded that are kept
 
 
@@ -97,12 +97,12 @@ def make_result(
 
 
 def _alternatives(lines: Lines, candidates: list[Candidate], scale: float) -> tuple[tuple[float, Spread], ...]:
-    """Structures that the data do not exclude, with weights exp(-score / 2), a coefficient of numerators at a price of 2.
+    """Structures that the data do not exclude, by weights exp(-score / 2) with a lower price for coefficients.
 
     Evidence decides whether a coefficient is left out. How far the response may be off without it is a question of
-    prediction, and Akaike's price is the one for that.
+    prediction, for which evidence asks too much and Akaike's price, which makes intervals a little long, too little.
     """
-    best, saved = candidates[0], make_evidence(lines).per_coefficient - _AKAIKE
+    best, saved = candidates[0], max(make_evidence(lines).per_coefficient - _LEFT_OUT, 0.0)
     unique = {one.structure: one for one in reversed(candidates)}
     scores = {
         structure: one.score - saved * sum(degree - one.state.denominator.n_pole for degree in one.state.degrees)
