@@ -3,4 +3,6 @@
 Read `data` and `options`; `lines`, `basis`, `denominator` and `residual`, the least-squares problem for given poles;
 `starts` and `descent`, the search of poles; `orders` and `choice`, which structure; `uncertainty`, `result`; `fitting`
 calls them all.
+
+docs/methods, sec. 14, has the equations.
 """

@@ -199,7 +199,7 @@ def _fewer_zeros(lines: Lines, start: Candidate, limits: Limits, evidence: Evide
 
 
 def _more_zeros(lines: Lines, best: Candidate, options: ResponseFitOptions, evidence: Evidence) -> list[Candidate]:
-    """Tries the best structure with higher powers of its numerators, which being small does not exclude."""
+    """Tries the best structure with higher powers of its numerators: small is not excluded."""
     state = best.state
     limits = Limits(state.denominator.integrators, options.relative_degree, None, best.longest, options.stable)
     most = limits.degrees(state.denominator.n_pole, 1)[0]

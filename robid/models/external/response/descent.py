@@ -62,47 +62,32 @@ def descend(
     max_iterations: int = 30,
     tolerance: float = 1e-4,
 ) -> State:
-    """Descends from a denominator and a delay.
+    """Descends from a denominator and a delay, in the lines' units, with numerators of given degrees.
 
-    Args:
-        lines: Data.
-        denominator: Where to start.
-        delay: The same of the delay, in the lines' units.
-        degrees: Of the numerators.
-        longest: Longest delay allowed, in the lines' units; the delay stays if absent.
-        stable: Whether poles are kept stable.
-        max_iterations: Steps of Levenberg-Marquardt.
-        tolerance: Relative decrease of the cost at which it ends.
+    The delay stays unless a `longest` one is given; `stable` keeps poles so, and `tolerance` is the relative decrease
+    of the cost at which the descent ends.
     """
-    first = evaluate(lines, denominator, delay, degrees)
+    lower = np.full(denominator.n_moving, _LEAST if stable else -np.inf)
+    coefficients = np.maximum(denominator.coefficients, lower)
+    first = evaluate(lines, replace(denominator, coefficients=coefficients), delay, degrees)
     if denominator.n_moving == 0 and longest is None:
         return first
-    walk = _Walk(lines, first, delayed=longest is not None)
-    start, lower, upper = _bounded(denominator, delay, longest, stable=stable)
+    walk, start, upper = _Walk(lines, first, delayed=longest is not None), coefficients, np.full(len(lower), np.inf)
+    if longest is not None:
+        start, lower, upper = np.append(start, delay), np.append(lower, 0.0), np.append(upper, longest)
     # Data that a part of the model explains exactly leave nothing to descend on, and a Hessian that is none.
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"), suppress(np.linalg.LinAlgError):
         minimise(
             walk.cost,
             walk.normal,
             start,
+            cost_tolerance=tolerance,
             max_iterations=max_iterations,
             max_step=np.inf,
-            cost_tolerance=tolerance,
             lower=lower,
             upper=upper,
         )
     return walk.best
-
-
-def _bounded(
-    denominator: Denominator, delay: float, longest: float | None, *, stable: bool
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Returns where a descent starts, and the bounds of its parameters."""
-    n_moving = denominator.n_moving
-    lower, upper = np.full(n_moving, _LEAST if stable else -np.inf), np.full(n_moving, np.inf)
-    if longest is None:
-        return denominator.coefficients, lower, upper
-    return np.append(denominator.coefficients, delay), np.append(lower, 0.0), np.append(upper, longest)
 
 
 def polish(lines: Lines, state: State, *, longest: float | None, stable: bool) -> State:

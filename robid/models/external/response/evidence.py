@@ -20,7 +20,7 @@ _CHANCE_OF_POLE = 0.001  # of a pair that is not there, at all its places
 _CHANCE_OF_COEFFICIENT = 0.02  # of a common numerator coefficient that is not there
 _CHANCE_OF_MISFIT = 0.01
 _TURNS = 2.0  # more that a delay must bring, since it is searched over several turns of the phase
-_SLOW = 4.0  # decrease of the cost, two deviations of one parameter, that speaks for a slow pole against an integrator
+_SLOW = 5.5  # decrease of the cost that speaks for a slow pole against an integrator
 
 
 @dataclass(frozen=True)

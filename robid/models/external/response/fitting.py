@@ -9,7 +9,7 @@ from robid.models.external.fit.parameters import Root
 from robid.models.external.response.choice import Candidate, choose, most_poles
 from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.descent import polish
-from robid.models.external.response.evidence import misfit_of, n_parameter, scale_of
+from robid.models.external.response.evidence import make_evidence, misfit_of, n_parameter, scale_of
 from robid.models.external.response.lines import Lines, make_lines
 from robid.models.external.response.options import ResponseFitOptions
 from robid.models.external.response.powers import coefficients_of
@@ -18,6 +18,7 @@ from robid.models.external.response.result import RationalFit, Tried
 from robid.models.external.response.uncertainty import Spread, find_spread, gain_moves, pole_moves, zero_moves
 
 _NEAR = 14.0  # difference of the score, below which a structure is not excluded
+_LEFT_OUT = 3.5  # price of a numerator coefficient in weights, between Akaike's 2 and that of evidence, tuned on trials
 _MOST = 8  # structures not excluded that are kept
 
 
@@ -50,9 +51,8 @@ def fit_response(data: MeasuredResponse, options: ResponseFitOptions | None = No
         raise ValueError(message)
     candidates = choose(lines, options)
     best = candidates[0]
-    longest = None if not best.delayed else best.longest
-    state = polish(lines, best.state, longest=longest, stable=options.stable)
-    return make_result(lines, state, data, options, candidates, delayed=best.delayed)
+    state = polish(lines, best.state, longest=best.longest, stable=options.stable)
+    return make_result(lines, state, data, options, candidates)
 
 
 def make_result(
@@ -61,20 +61,15 @@ def make_result(
     data: MeasuredResponse,
     options: ResponseFitOptions,
     candidates: list[Candidate],
-    *,
-    delayed: bool,
 ) -> RationalFit:
     """Puts together what was found."""
+    delayed = candidates[0].delayed
     scale, chance = scale_of(lines, state, delayed=delayed), misfit_of(lines, state, delayed=delayed)[1]
     spread = find_spread(lines, state, delayed=delayed, scale=scale)
     shape = data.response.shape[1:]
     numerator, denominator, root = _in_units(lines, spread)
     zeros = [_roots(lines, *zero_moves(spread, element)) for element in range(lines.n_element)]
-    # (z - 1) / T is s at low frequencies, and 2 / T times its place in the discrete-time plane here.
-    unit = lines.reference if options.time == "continuous" else 2 / lines.delay_unit_s
-    gain_unit = unit**state.denominator.integrators
-    gains = [gain_moves(spread, element) for element in range(lines.n_element)]
-    freedom = lines.n_row - n_parameter(state, delayed=delayed)
+    gain, gain_std = (values.reshape(shape) for values in _gains(lines, spread))
     return RationalFit(
         time=options.time,
         numerator=numerator.reshape(*shape, -1),
@@ -85,12 +80,12 @@ def make_result(
         integrators=state.denominator.integrators,
         poles=_roots(lines, *pole_moves(spread)),
         zeros=tuple(tuple(zeros[row * shape[1] + column] for column in range(shape[1])) for row in range(shape[0])),
-        gain=np.array([gain for gain, _ in gains]).reshape(shape) * gain_unit,
-        gain_std=np.array([float(np.linalg.norm(moves)) for _, moves in gains]).reshape(shape) * gain_unit,
+        gain=gain,
+        gain_std=gain_std,
         covariance_root=root,
         reference=lines.reference,
         cost=state.cost,
-        degrees_of_freedom=freedom,
+        degrees_of_freedom=lines.n_row - n_parameter(state, delayed=delayed),
         misfit_chance=chance,
         widened=float(np.sqrt(scale)),
         confidence=options.confidence,
@@ -102,16 +97,36 @@ def make_result(
 
 
 def _alternatives(lines: Lines, candidates: list[Candidate], scale: float) -> tuple[tuple[float, Spread], ...]:
-    """Structures near the best one, weighted by exp(-score / 2), as posterior probabilities are by their evidence."""
+    """Structures that the data do not exclude, by weights exp(-score / 2) with a lower price for coefficients.
+
+    Evidence decides whether a coefficient is left out. How far the response may be off without it is a question of
+    prediction, for which evidence asks too much and Akaike's price, which makes intervals a little long, too little.
+    """
+    best, saved = candidates[0], max(make_evidence(lines).per_coefficient - _LEFT_OUT, 0.0)
     unique = {one.structure: one for one in reversed(candidates)}
-    near = sorted(
-        (one for one in unique.values() if one.score < candidates[0].score + _NEAR), key=lambda one: one.score
-    )
-    weights = np.exp([(candidates[0].score - one.score) / 2 for one in near[: _MOST + 1]])
+    scores = {
+        structure: one.score - saved * sum(degree - one.state.denominator.n_pole for degree in one.state.degrees)
+        for structure, one in unique.items()
+    }
+    order = sorted((each for each in unique if each != best.structure), key=lambda each: scores[each])
+    near = [best.structure, *(each for each in order[:_MOST] if scores[each] < scores[best.structure] + _NEAR)]
+    weights = np.exp([(scores[near[0]] - scores[each]) / 2 for each in near])
     weights /= weights.sum()
     return tuple(
-        (float(weight), find_spread(lines, one.state, delayed=one.delayed, scale=scale))
-        for weight, one in zip(weights[1:], near[1:], strict=False)
+        (float(weight), find_spread(lines, unique[each].state, delayed=unique[each].delayed, scale=scale))
+        for weight, each in zip(weights[1:], near[1:], strict=True)
+    )
+
+
+def _gains(lines: Lines, spread: Spread) -> tuple[FloatArray, FloatArray]:
+    """Gains at low frequencies (n_element,), integrators apart, and their deviations."""
+    # (z - 1) / T is s at low frequencies, and 2 / T times its place in the discrete-time plane here.
+    unit = lines.reference if lines.time == "continuous" else 2 / lines.delay_unit_s
+    scale = unit**spread.state.denominator.integrators
+    found = [gain_moves(spread, element) for element in range(lines.n_element)]
+    return (
+        np.array([gain for gain, _ in found]) * scale,
+        np.array([float(np.linalg.norm(moves)) for _, moves in found]) * scale,
     )
 
 

@@ -104,7 +104,7 @@ class Orders:
         for delay in self.delays:
             yield relocated(lines, first, delay, degrees, stable=self.limits.stable).denominator, delay
         if n_pole in self.also:
-            yield self.also[n_pole].denominator, self.also[n_pole].delay
+            yield self.also[n_pole].denominator, self.also[n_pole].delay if self.limits.delayed else self.delays[0]
         if n_pole - 1 in self.best:
             below = self.best[n_pole - 1]
             yield grown_by_one(lines, below), below.delay

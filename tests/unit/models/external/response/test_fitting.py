@@ -68,7 +68,7 @@ def again(fit, seed):
     data = measured(NUMERATOR, DENOMINATOR, delay=2e-3, seed=seed)
     lines, own = make_lines(data, "continuous"), fit.spread.state
     state = descend(lines, own.denominator, own.delay, own.degrees, longest=100.0, tolerance=1e-9)
-    return make_result(lines, state, data, ResponseFitOptions(), [Candidate(state, 0.0, 100.0)], delayed=True)
+    return make_result(lines, state, data, ResponseFitOptions(), [Candidate(state, 0.0, 100.0)])
 
 
 def test_an_exact_response_gives_its_transfer_function_back():
@@ -149,8 +149,12 @@ def test_a_hold_is_divided_out():
         sampling_period_s=period,
         hold="zoh",
     )
-    fit = fit_response(held, ResponseFitOptions(poles=5, delay=0.0))
+    structure = ResponseFitOptions(poles=5, zeros=4, delay=0.0, integrators=0)
+    fit, other = fit_response(held, structure), fit_response(data, structure)
     np.testing.assert_allclose(places(fit.poles), in_order(np.roots(DENOMINATOR)), rtol=EXACT)
+    # Relative to the response, the deviation is that without the hold.
+    for one, same in zip(fit.poles, other.poles, strict=True):
+        np.testing.assert_allclose(one.real_std, same.real_std, rtol=1e-6)
 
 
 def test_unknown_elements_do_not_count():
@@ -232,6 +236,15 @@ def test_the_covariance_in_powers_gives_the_same_deviation(time):
     G = fit.response_at(FREQUENCY).response[:, 0, 0]
     gradient = np.concatenate([above / A[:, None], -(G / A)[:, None] * below[:, 1:]], axis=1)
     moves = gradient @ fit.covariance_root[:-1]
+    # A root of A moves by -dA / A', from the coefficients' covariance alone.
+    scale = fit.reference if time == "continuous" else 1.0
+    slopes = np.polyder(fit.denominator * fit.reference ** -np.arange(fit.n_pole + 1.0))
+    for root in fit.poles:
+        place = root.place / scale
+        change = (
+            place ** np.arange(fit.n_pole - 1, -1, -1) @ fit.covariance_root[n_power:-1] / np.polyval(slopes, place)
+        )
+        np.testing.assert_allclose(np.linalg.norm(change.real), np.linalg.norm(root.moves.real) / scale, rtol=1e-5)
     np.testing.assert_allclose(
         np.linalg.norm(moves.real, axis=1), fit.response_at(FREQUENCY).real_std[:, 0, 0], rtol=1e-5
     )

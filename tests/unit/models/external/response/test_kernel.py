@@ -95,3 +95,11 @@ def test_a_pair_grows_where_one_is_missing():
     places = np.abs(grown(data, state, 1)[0].moving_poles())
     assert np.min(np.abs(np.log(places / np.abs(POLES[0] / data.reference)))) < 0.1
     assert len(places) == len(missing) + 1
+
+
+def test_a_descent_that_keeps_poles_stable_does_so_from_unstable_ones():
+    data = lines(noise=0.1)
+    unstable = denominator_of(POLES / data.reference * np.array([1j, -1j, 1, 1, 1, 1]) ** 2)
+    assert (unstable.moving_poles().real > 0).any()
+    found = descend(data, unstable, 0.0, (5, 5), stable=True, max_iterations=1)
+    assert (found.denominator.moving_poles().real < 0).all()
