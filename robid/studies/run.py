@@ -37,6 +37,7 @@ from robid.studies.oliveira2019.arm import ARM, POSITION_LOOP
 from robid.studies.oliveira2019.plants import PLANTS
 from robid.studies.oliveira2019.seeds import COVERAGE_PART, RANDOM_PLANTS
 from robid.studies.page import Conclusion, table
+from robid.studies.responses.random_plants import RANDOM_RESPONSES
 from robid.studies.rough import cutoffs, individuals
 from robid.studies.rough import report as rough_report
 from robid.studies.settings.rough import ROUNDS
@@ -112,6 +113,7 @@ PROCEDURES: Mapping[str, Procedure] = {
         rough_report.conclude,
         cutoffs.further,
     ),
+    "responses": joined((RANDOM_RESPONSES,), "transfer functions come back from their responses", lambda _loaded: None),
     "fleet": joined(
         (LOGS, WHOLE, SPEED, SCHEDULER), "faults are found in a large fleet, and cores are used", require_packages
     ),

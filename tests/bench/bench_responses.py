@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from response_plants import draw
 from robid.models.external.response.denominator import denominator_of
 from robid.models.external.response.descent import descend
 from robid.models.external.response.lines import make_lines
 from robid.models.external.response.residual import evaluate
+from robid.studies.responses.plants import draw
 
 
 @pytest.mark.parametrize(("key", "kind", "seed"), [("", "mimo", 1), ("_one_element", "siso", 5)])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from response_plants import KINDS
-from response_trials import summary, trial
+from robid.studies.responses.plants import KINDS
+from robid.studies.responses.trials import summary, trial
 
 FIRST = 2000  # beyond the seeds that anything was tuned on
 N_TRIAL = 30

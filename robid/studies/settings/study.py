@@ -26,6 +26,7 @@ from robid.settings.yaml import FieldPath
 from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 from robid.studies.settings import parts
 from robid.studies.settings.defects import MistakesStudy, check_mistakes
+from robid.studies.settings.responses import ResponsesStudy
 from robid.studies.settings.rough import RoughStudy, check_rough
 from robid.studies.settings.trust import TrustStudy, check_trust
 
@@ -340,6 +341,7 @@ Study: TypeAlias = Annotated[
     | MistakesStudy
     | parts.JanotStudy
     | parts.OliveiraStudy
+    | ResponsesStudy
     | parts.TurkStudy
     | TrustStudy
     | RoughStudy
@@ -359,6 +361,7 @@ _CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] =
     "trust": check_trust,
     "rough": check_rough,
     "fleet": check_fleet,
+    "responses": lambda _study, _experiment, _robot: iter(()),
 }
 
 

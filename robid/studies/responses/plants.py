@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from robid.arrays import ComplexArray, FloatArray
 from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.denominator import denominator_of
 from robid.models.external.response.descent import descend
@@ -18,26 +20,32 @@ KINDS = ("siso", "delay", "integrators", "mimo", "noncollocated")
 class Plant:
     """A true transfer matrix: state space with a delay."""
 
-    A: np.ndarray  # (n_pole, n_pole)
-    B: np.ndarray  # (n_pole, n_in)
-    C: np.ndarray  # (n_out, n_pole) or, with common poles only, (n_out, n_in, n_pole) rows of each element
-    D: np.ndarray  # (n_out, n_in)
-    poles: np.ndarray  # (n_pole,) [rad/s]
+    A: FloatArray  # (n_pole, n_pole)
+    B: FloatArray  # (n_pole, n_in)
+    C: FloatArray  # (n_out, n_in, n_pole) Rows of each element
+    D: FloatArray  # (n_out, n_in)
+    poles: ComplexArray  # (n_pole,) [rad/s]
     integrators: int
     delay_s: float
 
-    def response(self, frequency_hz):
+    def response(self, frequency_hz: FloatArray) -> ComplexArray:
         """The response (n_freq, n_out, n_in)."""
         s = 2j * np.pi * np.asarray(frequency_hz)
         states = np.linalg.solve(s[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex)[None])
         found = np.einsum("oip,fpi->foi", self.C, states) + self.D
-        return found * np.exp(-s * self.delay_s)[:, None, None]
+        return np.asarray(found * np.exp(-s * self.delay_s)[:, None, None])
 
 
-def _modal(rng, poles_real, pairs, n_out, n_in, integrators, direct):
+def _modal(
+    rng: np.random.Generator,
+    poles_real: Sequence[float],
+    pairs: Sequence[tuple[float, float]],
+    shape: tuple[int, int],
+    integrators: int,
+) -> tuple[FloatArray, FloatArray, FloatArray, ComplexArray]:
     """Partial fractions: each pole acts on every element with weights of its own."""
-    blocks, rows = [], []
-    shape = (n_out, n_in)
+    blocks: list[FloatArray] = []
+    rows: list[FloatArray] = []
     for w, zeta in pairs:
         # (a w^2 + b w s) / (s^2 + 2 zeta w s + w^2), scaled by the damping's root so that weak damping does not drown
         # the rest
@@ -66,11 +74,10 @@ def _modal(rng, poles_real, pairs, n_out, n_in, integrators, direct):
         + [[-p] for p in poles_real]
         + [np.zeros(integrators)]
     )
-    B = np.repeat(b[:, None], n_in, axis=1)
-    return A, B, np.moveaxis(np.array(rows), 0, -1), direct, poles
+    return A, np.repeat(b[:, None], shape[1], axis=1), np.moveaxis(np.array(rows), 0, -1), poles.astype(complex)
 
 
-def _chain(rng, f_low, f_high):
+def _chain(rng: np.random.Generator, f_low: float, f_high: float) -> Plant:
     """Two or three masses in a row: a force on the first, position or velocity of the last, free or on the ground."""
     n = int(rng.integers(2, 4))
     masses = np.exp(0.5 * rng.standard_normal(n))
@@ -103,7 +110,7 @@ def _chain(rng, f_low, f_high):
         # The free body's position does not show in a velocity.
         kept = np.arange(2 * n) != 0
         blocks_A, b, c = blocks_A[np.ix_(kept, kept)], b[kept], c[kept]
-    poles = []
+    poles: list[complex] = []
     for k in range(n):
         if w[k] > 0:
             poles += [
@@ -113,10 +120,10 @@ def _chain(rng, f_low, f_high):
         else:
             poles += [0.0] * (1 if velocity else 2)
     integrators = 0 if grounded else 2 - velocity
-    return Plant(blocks_A, b[:, None], c[None, None, :], np.zeros((1, 1)), np.array(poles), integrators, 0.0)
+    return Plant(blocks_A, b[:, None], c[None, None, :], np.zeros((1, 1)), np.array(poles, complex), integrators, 0.0)
 
 
-def _draw(rng, kind, n_pole, f_low, f_high):
+def _draw(rng: np.random.Generator, kind: str, n_pole: int, f_low: float, f_high: float) -> Plant:
     if kind == "noncollocated":
         return _chain(rng, f_low, f_high)
     integrators = min(int(rng.integers(1, 3)), n_pole - 1) if kind == "integrators" else 0
@@ -134,22 +141,21 @@ def _draw(rng, kind, n_pole, f_low, f_high):
     n_out, n_in = (2, 3) if kind == "mimo" else (1, 1)
     direct = (rng.random() < 0.2) * rng.standard_normal((n_out, n_in))
     delay = rng.uniform(0.1, 3.0) / f_high if kind == "delay" else 0.0
-    A, B, C, D, poles = _modal(
-        rng, real, list(zip(frequencies, dampings, strict=True)), n_out, n_in, integrators, direct
-    )
-    return Plant(A, B, C, D, poles, integrators, delay)
+    pairs = list(zip(frequencies.tolist(), dampings.tolist(), strict=True))
+    A, B, C, poles = _modal(rng, real.tolist(), pairs, (n_out, n_in), integrators)
+    return Plant(A, B, C, direct, poles, integrators, delay)
 
 
-def _variance(rng, response):
+def _variance(rng: np.random.Generator, response: ComplexArray) -> FloatArray:
     """A variance that depends on frequency: a share of the response that drifts over the lines, and a floor."""
     n_freq = len(response)
     phase = np.linspace(0, 2 * np.pi * rng.uniform(0.3, 1.5), n_freq) + rng.uniform(0, 2 * np.pi)
     share = np.exp(rng.uniform(np.log(0.003), np.log(0.05)) + 0.5 * np.sin(phase))
     floor = np.median(np.abs(response), axis=0) * np.exp(rng.uniform(np.log(1e-3), np.log(3e-2)))
-    return (share[:, None, None] * np.abs(response)) ** 2 + floor**2
+    return np.asarray((share[:, None, None] * np.abs(response)) ** 2 + floor**2)
 
 
-def cost_of_removal(plant, frequency_hz, response, variance):
+def cost_of_removal(plant: Plant, frequency_hz: FloatArray, response: ComplexArray, variance: FloatArray) -> float:
     """By how much the best model of fewer poles, with a delay and as many zeros as poles, misses the exact response."""
     lines = make_lines(MeasuredResponse(frequency_hz, response, variance), "continuous")
     poles = plant.poles[np.abs(plant.poles) > 0] / lines.reference
@@ -169,8 +175,12 @@ def cost_of_removal(plant, frequency_hz, response, variance):
     return least
 
 
-def draw(kind, seed):
-    """Draws a plant and its measured response; drawn again unless every pole's removal raises the cost enough."""
+def draw(kind: str, seed: int) -> tuple[Plant, MeasuredResponse]:
+    """Draws a plant and its measured response; drawn again unless every pole's removal raises the cost enough.
+
+    Raises:
+        RuntimeError: If 2,000 draws give none.
+    """
     rng = np.random.default_rng([KINDS.index(kind), seed])
     n_pole = int(rng.integers(2, 13))
     for _ in range(2000):
@@ -185,4 +195,5 @@ def draw(kind, seed):
         if cost_of_removal(plant, frequency, response, variance) > 4 * np.log(response.size):
             noise = rng.standard_normal(response.shape) + 1j * rng.standard_normal(response.shape)
             return plant, MeasuredResponse(frequency, response + noise * np.sqrt(variance / 2), variance)
-    raise RuntimeError(f"no plant of {n_pole} poles")
+    message = f"no plant of {n_pole} poles"
+    raise RuntimeError(message)

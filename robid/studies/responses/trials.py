@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from response_plants import KINDS, draw
 from robid.models.external.response.fitting import fit_response
 from robid.models.external.response.options import ResponseFitOptions
+from robid.models.external.response.result import RationalFit
+from robid.studies.responses.plants import Plant, draw
 
 N_FREQUENCY = 20
 
@@ -40,7 +41,8 @@ def trial(kind: str, seed: int, options: ResponseFitOptions | None = None) -> Ou
         return Outcome(n_true, -1, (plant.integrators, -1))
     seconds = time.perf_counter() - begin
     rng = np.random.default_rng([7, seed])
-    places = np.exp(rng.uniform(*np.log(data.frequency_hz[[0, -1]]), N_FREQUENCY))
+    low, high = np.log(data.frequency_hz[[0, -1]]).tolist()
+    places = np.exp(rng.uniform(low, high, N_FREQUENCY))
     found, true = fit.response_at(places), plant.response(places)
     half = fit.quantile
     inside = [
@@ -53,12 +55,12 @@ def trial(kind: str, seed: int, options: ResponseFitOptions | None = None) -> Ou
     )
 
 
-def _poles_inside(fit, plant):
+def _poles_inside(fit: RationalFit, plant: Plant) -> tuple[bool, ...]:
     """Whether intervals of real and imaginary parts contain the poles; those kept at zero are no estimates."""
     true = plant.poles[np.argsort(np.abs(plant.poles))][fit.integrators :]
     places = np.array([root.place for root in fit.poles])
     distance = np.abs(places[:, None] - true) / (np.abs(places[:, None]) + np.abs(true) + 1e-300)
-    inside = []
+    inside: list[bool] = []
     for row, column in zip(*linear_sum_assignment(distance), strict=True):
         root, pole = fit.poles[row], true[column]
         if pole.imag < 0:
@@ -70,29 +72,14 @@ def _poles_inside(fit, plant):
     return tuple(inside)
 
 
-def summary(outcomes: list[Outcome]) -> dict[str, float]:
-    """Shares of a kind's trials."""
-    flat = lambda name: [each for one in outcomes for each in getattr(one, name)]  # noqa: E731
+def summary(outcomes: Sequence[Outcome]) -> dict[str, float]:
+    """Shares of trials: right orders and integrators, and intervals that contain the truth; mean time [s]."""
+    inside = [each for one in outcomes for each in one.response]
+    poles = [each for one in outcomes for each in one.poles]
     return {
         "order": float(np.mean([one.n_found == one.n_true for one in outcomes])),
         "integrators": float(np.mean([one.integrators[0] == one.integrators[1] for one in outcomes])),
-        "coverage": float(np.mean(flat("response"))),
-        "pole_coverage": float(np.mean(flat("poles"))),
+        "coverage": float(np.mean(inside)) if inside else 0.0,
+        "pole_coverage": float(np.mean(poles)) if poles else 0.0,
         "seconds": float(np.mean([one.seconds for one in outcomes])),
     }
-
-
-def main() -> None:
-    """Runs trials of kinds, separated by commas, on seeds FIRST:LAST, and writes one line a kind."""
-    kinds = KINDS if sys.argv[1] == "all" else sys.argv[1].split(",")
-    first, last = (int(each) for each in sys.argv[2].split(":"))
-    for kind in kinds:
-        outcomes = {seed: trial(kind, seed) for seed in range(first, last)}
-        missed = [(seed, one.n_true, one.n_found) for seed, one in outcomes.items() if one.n_true != one.n_found]
-        figures = {name: round(value, 4) for name, value in summary(list(outcomes.values())).items()}
-        sys.stdout.write(f"{kind} {last - first} {figures} missed (seed, true, found): {missed}\n")
-        sys.stdout.flush()
-
-
-if __name__ == "__main__":
-    main()
