@@ -19,8 +19,9 @@ from robid.frf.joined import join
 from robid.logs.formats.load import load_responses
 from robid.logs.formats.variables import tell_response_format
 from robid.logs.responses.columns import column_table
+from robid.logs.responses.datasets import universal_tables
 from robid.logs.responses.importing import frf_of
-from robid.logs.responses.structures import find_object, is_own, object_table, own_tables, universal_tables
+from robid.logs.responses.structures import find_object, is_own, object_table, own_tables
 from robid.logs.responses.table import ResponseTable, contradictions_refused
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.plans import response_files

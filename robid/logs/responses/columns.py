@@ -13,8 +13,7 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.logs.formats.unpacking import open_bytes
 from robid.logs.formats.variables import Variables, find_variable
-from robid.logs.responses.structures import MEASURED, check_pairs, with_notes
-from robid.logs.responses.table import ResponseTable, complex_of
+from robid.logs.responses.table import MEASURED, ResponseTable, check_pairs, complex_of, with_notes
 from robid.signals.response_options import FREQUENCY_UNITS, ElementColumns, ResponseOptions
 
 _WORDS = {

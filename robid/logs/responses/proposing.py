@@ -13,7 +13,8 @@ from robid.errors import DataError
 from robid.logs.formats.load import load_responses
 from robid.logs.formats.variables import Variables, tell_response_format
 from robid.logs.responses.columns import find_layout
-from robid.logs.responses.structures import channels_of_sets, find_object, is_own, object_names, texts_of
+from robid.logs.responses.datasets import channels_of_sets
+from robid.logs.responses.structures import find_object, is_own, object_names, texts_of
 from robid.logs.responses.table import contradictions_refused
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.response_options import FREQUENCY_UNITS, ResponseOptions

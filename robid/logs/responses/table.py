@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
+from robid.signals.response_options import ResponseOptions
 
 
 @dataclass(frozen=True)
@@ -109,3 +111,38 @@ def _check_phase(phase: FloatArray, *, deg: bool, where: str) -> None:
         told, right = ("degrees", "rad") if deg else ("radians", "deg")
         what = f"D610 the phase, from {phase.min():.3g} to {phase.max():.3g}, is not in {told}: it turns by {other:.3g}"
         raise DataError(what, where=where, remedy=f"set `phase: {right}`")
+
+
+def check_pairs(options: ResponseOptions, found: object, where: str, known: Sequence[str] = ()) -> None:
+    """Refuses a response that lacks pairs of outputs and inputs, naming them.
+
+    Raises:
+        DataError: If one is missing.
+    """
+    missing = [
+        f"`{output.variable}` per `{one.variable}`"
+        for row, output in enumerate(options.outputs)
+        for column, one in enumerate(options.inputs)
+        if (row, column) not in found  # type: ignore[operator]
+    ]
+    if missing:
+        more = f" and {len(missing) - 3} more" if len(missing) > 3 else ""
+        there = f"; there are {', '.join(list(dict.fromkeys(known))[:8])}" if known else ""
+        message = f"D615 the response lacks {', '.join(missing[:3])}{more}{there}"
+        remedy = "correct `variable` under `inputs` and `outputs`, or leave out the channel that was not measured"
+        raise DataError(message, where=where, remedy=remedy)
+
+
+MEASURED = r"measured as (\S+), (\S+), ([^,]+), (\S+), freedom (\S+)"
+"""What our tables and Universal Files say of each output: quantity, side, unit, samples, degrees of freedom."""
+
+
+def with_notes(table: ResponseTable, notes: Mapping[str, str], options: ResponseOptions) -> ResponseTable:
+    """A table with what our exports note of each output, by its name; as it is where they do not note it of all."""
+    found = [(one.variable, re.fullmatch(MEASURED, notes.get(one.variable, ""))) for one in options.outputs]
+    rows = [(name, *row.groups()) for name, row in found if row]
+    if len(rows) < len(found):
+        return table
+    keys = ("names", "quantities", "sides", "units", "samples", "freedom")
+    texts = {f"measured_{key}": tuple(values) for key, values in zip(keys, zip(*rows, strict=True), strict=True)}
+    return replace(table, texts=texts, averages=float(texts.pop("measured_freedom")[0]) + 1)

@@ -7,8 +7,9 @@ from scipy.io import savemat
 from robid.errors import DataError
 from robid.logs.formats.load import load_responses
 from robid.logs.responses.columns import column_table
+from robid.logs.responses.datasets import universal_tables
 from robid.logs.responses.importing import frf_of
-from robid.logs.responses.structures import find_object, object_table, universal_tables
+from robid.logs.responses.structures import find_object, object_table
 from robid.logs.responses.table import ResponseTable
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.response_options import ElementColumns, FrequencyColumn, ResponseOptions
