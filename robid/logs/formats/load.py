@@ -160,7 +160,7 @@ class Limits:
 
 
 class Reader:
-    """Reads binary logs one after the other in one process, which starts with the first and ends with this one.
+    """Reads binary logs of a format one after the other in one process, which starts with the first of them.
 
     Args:
         limits: What reading a log may take.
@@ -169,6 +169,7 @@ class Reader:
     def __init__(self, limits: Limits | None = None) -> None:
         self._limits = limits or Limits()
         self._process: subprocess.Popen[bytes] | None = None
+        self._name = ""
         self._lock = threading.Lock()
 
     def read(self, file: Path, name: str, names: Collection[str] | None, called: Path | None = None) -> Found:
@@ -199,9 +200,10 @@ class Reader:
             process.communicate()
 
     def _ask(self, question: dict[str, Any], file: Path, name: str, seconds: float) -> Found:
-        if self._process is None or self._process.poll() is not None:
+        # A library keeps the memory that it once had, so that another one's first log would not find room.
+        if self._process is None or self._process.poll() is not None or name != self._name:
             self.close()
-            self._process = _start()
+            self._process, self._name = _start(), name
         process, late = self._process, threading.Event()
 
         def give_up() -> None:
