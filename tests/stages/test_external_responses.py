@@ -147,6 +147,28 @@ def test_another_plant_is_not_predicted(bench):
 
 
 @pytest.mark.parametrize(
+    ("cause", "factor", "stretch"),
+    [
+        ("angle_sign", -1.0, 1.0),
+        ("units", 180 / np.pi, 1.0),
+        ("units", 1.0, 2 * np.pi),
+        ("units", 1.0, 1 / (2 * np.pi)),
+    ],
+)
+def test_a_validation_with_a_mistake_is_blamed_for_it(bench, cause, factor, stretch):
+    """A reversed sign, degrees for radians, and frequencies in the other unit: each is said first."""
+    write(bench.folder / "other.csv", {"axis per axis": factor * plant(FREQUENCY)}, 8)
+    lines = (bench.folder / "other.csv").read_text().splitlines()
+    rows = [line.partition(",") for line in lines[1:]]
+    moved = [f"{float(first) * stretch!r},{rest}" for first, _, rest in rows]
+    (bench.folder / "other.csv").write_text("\n".join([lines[0], *moved]))
+    assert bench.robid("run", "plain.yaml").code == 5
+    validation = validation_from_artifact(read_artifact(bench.folder / "runs/plain/fits/tf/validation.h5", VALIDATION))
+    assert validation.outcome.grade.value == 0
+    assert validation.outcome.grade.causes[0] == cause
+
+
+@pytest.mark.parametrize(
     ("code", "fit", "more"),
     [
         ("S623", {"choose_on": "other", "from": ["own", "other"]}, {}),

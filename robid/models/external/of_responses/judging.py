@@ -14,7 +14,7 @@ from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.judge.plausible import MODEL_ERROR, NRMSE_LIMIT
 from robid.models.external.of_responses.fitting import held, relative_errors
 from robid.models.external.of_responses.solution import RationalSolution, RationalValidation, Shown
-from robid.results.finding import Finding
+from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
 
 LIMIT = 1 - NRMSE_LIMIT
@@ -93,9 +93,48 @@ def validate_rational(solution: RationalSolution, frf: Frf, findings: Sequence[F
         for name, one, most in zip(transfers.names, error.tolist(), expected.tolist(), strict=True)
         if one > max(LIMIT, _BEYOND * most)
     )
-    every = [*findings, *_band(solution, frf), *_errors(solution, error, expected, "the validation")]
+    every = [
+        *findings,
+        *_mistaken(solution, shown, error),
+        *_band(solution, frf),
+        *_errors(solution, error, expected, "the validation"),
+    ]
     verdict = f"does not predict the response: {'; '.join(failures)}" if failures else _verdict(solution, error)
     return RationalValidation(outcome_of(solution.estimate, every, failures, verdict), shown, error, expected)
+
+
+_SCALES = (1e3, 180 / np.pi, 2 * np.pi)  # factors between units
+
+
+def _mistaken(solution: RationalSolution, shown: Shown, error: FloatArray) -> Iterator[Finding]:
+    """Wrong signs, units and frequencies of the fit or the validation: with them right, the model predicts."""
+    transfers, ports = solution.transfers, solution.ports
+    for channel, name in enumerate(transfers.names):
+        if not error[channel] > LIMIT:
+            continue
+        measured, model = shown.measured[:, channel], shown.model[:, channel]
+        strength = float(error[channel]) / LIMIT
+        with np.errstate(invalid="ignore", divide="ignore"):
+            ratio = measured / model
+        scale = complex(np.nanmedian(ratio.real), np.nanmedian(ratio.imag))
+        told = f"{name} is {two_digits(scale.real)} times what the fit's response says, the same at all lines"
+        if np.nanmedian(np.abs(ratio - scale)) < LIMIT * abs(scale) and abs(scale.imag) < LIMIT * abs(scale):
+            known = any(abs(abs(np.log(abs(scale))) / np.log(each) - 1) < LIMIT for each in _SCALES)
+            if abs(scale.real + 1) < LIMIT:
+                yield Finding("angle_sign", f"{name} has the opposite sign of the fit's response", True, strength)
+            elif known:
+                yield Finding("units", told, decisive=True, strength=strength)
+        for factor, words in ((2 * np.pi, "Hz were read as rad/s"), (1 / (2 * np.pi), "rad/s were read as Hz")):
+            # Of the lines of one, those that the fit has where the other's are.
+            moved = shown.frequency_hz * factor
+            inside = (moved >= solution.shown.frequency_hz[0]) & (moved <= solution.shown.frequency_hz[-1])
+            there = transfers.response(channel, moved[inside], ports.sampling_period_s) * held(moved[inside], ports)
+            off = np.abs(measured[inside] - there) / np.abs(measured[inside])
+            if inside.mean() > _TOLD and np.nanmedian(off) < LIMIT:
+                yield Finding("units", f"{name} is predicted where {words} in one of both", True, strength)
+
+
+_TOLD = 0.2  # of the lines
 
 
 def _verdict(solution: RationalSolution, error: FloatArray) -> str:
