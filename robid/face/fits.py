@@ -68,7 +68,7 @@ class Fit:
 
 
 def fit_model(
-    kind: Literal["elastic", "rigid", "external", "lpv"],
+    kind: Literal["elastic", "rigid", "external", "lpv", "transmission"],
     *data: Any,  # noqa: ANN401
     validate_on: Any = None,  # noqa: ANN401
     **options: Any,  # noqa: ANN401
@@ -80,6 +80,7 @@ def fit_model(
     | `elastic` | robot, responses | springs and dampers |
     | `rigid` | robot, one or several records | masses, inertias and friction |
     | `external` | one or several records | transfer functions from commands to motions |
+    | `transmission` | robot, one or several records | stiffness, lost motion and transmission error of gears |
     | `lpv` | responses; `choose_on=` rows that only choose | one state-space model over positions |
 
     Args:
@@ -117,9 +118,16 @@ _READS = {
     "rigid": (_ROBOT, _RECORDS),
     "external": (_RECORDS,),
     "lpv": (_RESPONSES,),
+    "transmission": (_ROBOT, _RECORDS),
 }
 """What each kind of model is fitted to."""
-_VALIDATES_ON = {"elastic": _RESPONSES, "rigid": _RECORDS, "external": _RECORD, "lpv": _RESPONSES}
+_VALIDATES_ON = {
+    "elastic": _RESPONSES,
+    "rigid": _RECORDS,
+    "external": _RECORD,
+    "lpv": _RESPONSES,
+    "transmission": _RECORDS,
+}
 
 
 def _check(kind: str, data: Sequence[object], validate_on: object, options: Mapping[str, object]) -> None:

@@ -11,6 +11,7 @@ from robid.models.external.family import EXTERNAL
 from robid.models.family import Family
 from robid.models.lpv.family import LPV
 from robid.models.rigid.family import RIGID
+from robid.models.transmission.family import TRANSMISSION
 from robid.settings.checks.experiment import Studies
 from robid.settings.load import (
     LoadedExperiment,
@@ -24,7 +25,7 @@ from robid.settings.placeholders import Row
 from robid.settings.problems import SettingsProblem
 from robid.settings.yaml import Document
 
-FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID, EXTERNAL, LPV)}
+FAMILIES: Mapping[str, Family] = {family.name: family for family in (ELASTIC, RIGID, EXTERNAL, LPV, TRANSMISSION)}
 
 
 def load_experiment(

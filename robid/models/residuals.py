@@ -19,12 +19,15 @@ with later(__name__):
     from robid.models.lpv.residual import stored_residual as _stored_lpv
     from robid.models.rigid.residual import residual_of as _rigid
     from robid.models.rigid.residual import stored_residual as _stored_rigid
+    from robid.models.transmission.residual import residual_of as _transmission
+    from robid.models.transmission.residual import stored_residual as _stored_transmission
 
 RESIDUALS: Mapping[str, Callable[[Any, Frf | None], Residual]] = {
     "elastic": _elastic,
     "rigid": _rigid,
     "external": _external,
     "lpv": _lpv,
+    "transmission": _transmission,
 }
 """By solution, and the responses that were fitted, if any."""
 STORED_RESIDUALS: Mapping[str, Callable[[Artifact, Frf | None], Residual]] = {
@@ -32,5 +35,6 @@ STORED_RESIDUALS: Mapping[str, Callable[[Artifact, Frf | None], Residual]] = {
     "rigid": _stored_rigid,
     "external": _stored_external,
     "lpv": _stored_lpv,
+    "transmission": _stored_transmission,
 }
 """By the artifact of a model, and the responses that were fitted, if any."""

@@ -20,6 +20,7 @@ class Residual:
     | `elastic` | configuration, frequency, output, input | responses with the fitted friction | their covariance |
     | `lpv` | configuration, frequency, output, input | responses that were fitted | the deviation of each element |
     | `rigid` | row, joint | filtered torques by least squares, NaN where a row does not count | RMS of each joint |
+    | `transmission` | row, gear | differences of the encoders | RMS of each gear |
     | `external` | row | motions, one output of one record after the other | RMS of each label |
     """
 

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from robid.settings.robot import RobotFile
 
 Read: TypeAlias = Literal["record", "frf"]
-HandedOn: TypeAlias = Literal["friction", "standard"]
-"""What other nodes may take of a fit: motor friction, or the standard parameters of a rigid robot."""
+HandedOn: TypeAlias = Literal["friction", "standard", "gears"]
+"""What other nodes may take of a fit: motor friction, the standard parameters of a rigid robot, or its gears."""
 _Options = TypeVar("_Options")
 _Fit = TypeVar("_Fit", bound="FitSettings")
 

@@ -85,8 +85,9 @@ def _units(unit: str) -> str:
 _WHAT: Mapping[HandedOn, str] = {
     "friction": "Coulomb friction: name one of family `rigid` with `model: {friction: coulomb}` or `asymmetric`",
     "standard": "masses and inertias: name one of family `rigid` with `physical: true`",
+    "gears": "springs of gears: name one of family `transmission`",
 }
-_KEYS: Mapping[HandedOn, str] = {"standard": "rigid"}
+_KEYS: Mapping[HandedOn, str] = {"standard": "rigid", "gears": "springs_from"}
 
 
 def check_handed_on(experiment: Experiment) -> Found:

@@ -1,0 +1,1 @@
+"""The fit of gears to records with encoders on both sides."""

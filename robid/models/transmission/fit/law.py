@@ -1,0 +1,140 @@
+"""The law of a gear: deflection over torque and its past, and what data sheets say of it.
+
+The torque is `k (x + s x^3) + h(x)` of the deflection `x`, with Dahl's hysteresis `h`: along a motion in one sense it
+goes to its slip torque `H` exponentially over a deflection. In series with it is a narrow band about zero torque in
+which the deflection changes its side by the backlash `b`: `b/2 tanh(torque / band)`.
+
+Source:
+    Dahl (1968); docs/methods, sec. 15. Lost motion and hysteresis as gear makers measure them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from robid.arrays import FloatArray
+
+LOST_MOTION_SHARE = 0.03
+"""Of the rated torque, at which lost motion is measured."""
+BAND_SHARE = 0.01
+"""Of the rated torque, over which the deflection changes its side by the backlash."""
+_NEWTON_STEPS = 30
+_CLOSE = 1e-10  # of a deflection
+_CYCLE_ROWS = 150  # of a quarter of a loop
+
+
+@dataclass(frozen=True)
+class GearLaw:
+    """Laws of some gears or of variants of one, each number or array of the same shape (n_series,)."""
+
+    stiffness: FloatArray  # k [N m/rad, or N/m]
+    stiffening: FloatArray  # s, over the square of the deflection [1/rad^2, or 1/m^2]
+    slip: FloatArray  # H [N m, or N]
+    reach: FloatArray  # Deflection over which hysteresis builds up [rad, or m]
+    backlash: FloatArray  # b [rad, or m]
+
+    def varied(self, name: str, by: FloatArray) -> GearLaw:
+        """Returns the laws with one of their numbers changed by a summand."""
+        return replace(self, **{name: getattr(self, name) + by})
+
+
+def deflections(law: GearLaw, torque: FloatArray, band: float, start: FloatArray) -> FloatArray:
+    """Returns deflections (n_row, n_series) along torques (n_row, n_series).
+
+    Args:
+        law: The gears.
+        torque: Torques behind them, rows in the order of time [N m, or N].
+        band: Torque over which the deflection changes its side by the backlash.
+        start (n_series,): Hysteresis at the first row, from -1 to 1.
+    """
+    stretched = np.empty(torque.shape)
+    memory: FloatArray = start * law.slip
+    last = _static(law, np.asarray(torque[0] - memory))
+    for row, load in enumerate(torque):
+        last, memory = _step(law, load, last, memory)
+        stretched[row] = last
+    return np.asarray(stretched + 0.5 * law.backlash * np.tanh(torque / band))
+
+
+def _static(law: GearLaw, torque: FloatArray) -> FloatArray:
+    """Deflections (n_series,) of the springs alone."""
+    found = torque / law.stiffness
+    for _ in range(_NEWTON_STEPS):
+        square = found**2
+        step = (law.stiffness * found * (1 + law.stiffening * square) - torque) / (
+            law.stiffness * (1 + 3 * law.stiffening * square)
+        )
+        found = found - step
+        if np.all(np.abs(step) <= _CLOSE * (np.abs(found) + 1e-9)):
+            break
+    return found
+
+
+def _step(law: GearLaw, torque: FloatArray, last: FloatArray, memory: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Deflections and hysteresis (n_series,) under the torques of the next row.
+
+    The torque rises with the deflection in either sense, so that the sense is known and Newton's steps stay in it.
+    """
+    lacking = torque - law.stiffness * last * (1 + law.stiffening * last**2) - memory
+    sense = np.sign(lacking)
+    limit, found = sense * law.slip, last
+    for _ in range(_NEWTON_STEPS):
+        square, left = found**2, (memory - limit) * np.exp(-np.abs(found - last) / law.reach)
+        excess = law.stiffness * found * (1 + law.stiffening * square) + limit + left - torque
+        slope = law.stiffness * (1 + 3 * law.stiffening * square) - sense * left / law.reach
+        moved = found - excess / slope
+        # Never back over where the motion began.
+        moved = np.where(sense * (moved - last) < 0, last, moved)
+        step, found = moved - found, moved
+        if np.all(np.abs(step) <= _CLOSE * (np.abs(found) + 1e-9)):
+            break
+    return found, limit + (memory - limit) * np.exp(-np.abs(found - last) / law.reach)
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed loop of torque over deflection, from minus to plus its largest torque and back."""
+
+    torque: FloatArray  # (n_row,)
+    deflection: FloatArray  # (n_row, n_series)
+
+    @property
+    def _branches(self) -> tuple[tuple[FloatArray, FloatArray], tuple[FloatArray, FloatArray]]:
+        half = len(self.torque) // 2
+        up, down = slice(0, half + 1), slice(half, None)
+        rising = self.torque[up], self.deflection[up]
+        return rising, (self.torque[down][::-1], self.deflection[down][::-1])
+
+    def at(self, torque: float) -> tuple[FloatArray, FloatArray]:
+        """Deflections (n_series,) at a torque, while it rises and while it falls."""
+        first, second = (
+            np.array([np.interp(torque, rows, column) for column in values.T]) for rows, values in self._branches
+        )
+        return first, second
+
+    def lost_motion(self, rated: float) -> FloatArray:
+        """How far the centre line of the loop is apart at plus and minus 3 % of the rated torque (n_series,)."""
+        share = LOST_MOTION_SHARE * rated
+        return np.asarray(0.5 * (np.add(*self.at(share)) - np.add(*self.at(-share))))
+
+    def width(self) -> FloatArray:
+        """How wide the loop is at zero torque (n_series,)."""
+        rising, falling = self.at(0.0)
+        return np.asarray(falling - rising)
+
+
+def data_sheet_loop(law: GearLaw, rated: float, band: float) -> Loop:
+    """Returns the loop that a gear maker measures: slowly to the rated torque and back, both ways."""
+    quarter = rated * np.sin(np.linspace(0, np.pi / 2, _CYCLE_ROWS))
+    first = np.concatenate([quarter, quarter[-2::-1]])
+    loading = np.concatenate([-first[1:], first[1:]])
+    # Begun at minus the rated torque, after a loop that makes the past forgotten.
+    whole = np.concatenate([quarter, quarter[-2::-1], loading, loading])
+    series = np.repeat(whole[:, None], len(law.stiffness), axis=1)
+    found = deflections(law, series, band, np.zeros(len(law.stiffness)))
+    lowest = int(np.argmin(whole[-2 * len(first) :])) + len(whole) - 2 * len(first)
+    start = lowest - len(loading)
+    rows = slice(start, lowest + 1)
+    return Loop(whole[rows], found[rows])

@@ -1,0 +1,1 @@
+"""What a fit of gears adds to page, terminal and summary."""
