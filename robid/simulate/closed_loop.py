@@ -71,7 +71,7 @@ class ClosedLoop:
             model.motor,
             model.turns,
         )
-        self._further = FurtherOutputs(model, batch, names)
+        self._further = FurtherOutputs(model, batch, names, flaws, controller.sampling_period_s)
         self._followers = Followers(model, batch, controller, flaws)
         self._followers.follow()
         batch.ctrl[:, : model.motor.size] = self._held
@@ -113,6 +113,8 @@ class ClosedLoop:
         self.batch.qpos[:], self.batch.qvel[:] = self._position + position, speed
         self._cascade.last[:], self._cascade.integral[:] = self._rest + angle, self._held + integral
         self._drives.begin([self._held + torque for torque in sent])
+        self._further.begin()
+        self._followers.begin()
 
     def play(self, torque: FloatArray, angle: FloatArray, generator: np.random.Generator, begin: int = 0) -> None:
         """Runs some samples of the period into the given arrays (n_sample, n_sim, n_channel).

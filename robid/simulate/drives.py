@@ -7,11 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from mujoco.batch import Batch
 
-from robid.arrays import FloatArray, IntArray
+from robid.arrays import FloatArray
 from robid.robot.model import ElasticModel
+from robid.simulate.late import Late, of_each, samples_of
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
-
-_EXACT = 1e-9  # of a sample
 
 
 class Drives:
@@ -37,26 +36,23 @@ class Drives:
         rest_torque: FloatArray,
     ) -> None:
         self._batch, self._steps, self._flaws = batch, options.steps_per_sample or 1, options.imperfections
-        names, self._period_s = [joint.name for joint in model.robot.joints], controller.sampling_period_s
+        names, period_s = [joint.name for joint in model.robot.joints], controller.sampling_period_s
         self._qpos, self._qvel, self._motor, self._turns = batch.qpos, batch.qvel, model.motor, model.turns
         self._ctrl = batch.ctrl[:, : len(names)]
-        self._wait, self._part = _samples(options.truth.late_torque_s, names, self._period_s)
+        self._wait, self._part = samples_of(_lateness(options.truth.late_torque_s, names), period_s)
         self._wait += controller.delay_samples
-        # Asked in every sample: whether torques change within it, and whether angles come late.
+        # Asked in every sample: whether torques change within it, and all after the same wait.
         self._splits, self._alike = bool(self._part.any()), bool((self._wait == self._wait[0]).all())
         held = np.broadcast_to(rest_torque, self._ctrl.shape).copy()
         self.sent = [held] * (int(self._wait.max()) + 1)  # (n_sim, n_motor) each, the latest first
-        self._age, self._share = _samples(options.truth.late_angle_s, names, self._period_s)
-        self._lags = bool(self._age.any() or self._share.any())
+        self._late = Late(_lateness(options.truth.late_angle_s, names), period_s)
         self.begin(self.sent)
 
     def begin(self, sent: list[FloatArray]) -> None:
         """Begins where the batch is, with torques (n_sim, n_motor) that were sent before, the latest first [N m]."""
         self.sent = sent
-        angle, speed = self._qpos[:, self._motor] * self._turns, self._qvel[:, self._motor] * self._turns
-        # Angles and speeds, the latest first, as if the motors had kept theirs.
-        ages = range(1, int(self._age.max()) + 3)
-        self._seen = [(angle - age * self._period_s * speed, speed) for age in ages]
+        if self._late.lags:
+            self._late.begin(self._qpos[:, self._motor] * self._turns, self._qvel[:, self._motor] * self._turns)
 
     def read(self, noise: FloatArray) -> FloatArray:
         """Returns what the encoders show (n_sim, n_motor) at the beginning of a sample, noise (n_sim, n_motor) on it.
@@ -64,28 +60,17 @@ class Drives:
         Once a sample: late angles are those of samples before.
         """
         angle = self._qpos[:, self._motor] * self._turns
-        if self._lags:
-            angle = self._late(angle)
+        if self._late.lags:
+            angle = self._late.read(angle, self._qvel[:, self._motor] * self._turns)
         return encoder_readings(angle, noise, self._flaws)
-
-    def _late(self, angle: FloatArray) -> FloatArray:
-        """Angles of times before, between samples by the cubic through angles and speeds of both."""
-        self._seen = [(angle, self._qvel[:, self._motor] * self._turns), *self._seen[:-1]]
-        (after, fast), (before, slow) = (
-            [_of_each([seen[part] for seen in self._seen], self._age + more) for part in (0, 1)] for more in (0, 1)
-        )
-        # Hermite's cubic on the unit interval; `at` runs from the earlier sample to the later one.
-        at = 1 - self._share
-        way, rise, fall = at**2 * (3 - 2 * at), at * (1 - at) ** 2, at**2 * (at - 1)
-        return np.asarray(before + way * (after - before) + self._period_s * (rise * slow + fall * fast))
 
     def send(self, command: FloatArray, disturbance: FloatArray) -> None:
         """Sends torques (n_sim, n_motor) at the beginning of a sample, a disturbance of what acts beside [N m]."""
         self.sent = [command.copy(), *self.sent]
-        due = self.sent[int(self._wait[0])] if self._alike else _of_each(self.sent, self._wait)
+        due = self.sent[int(self._wait[0])] if self._alike else of_each(self.sent, self._wait)
         self._now, self._done = due + disturbance, 0
         if self._splits:
-            self._before = _of_each(self.sent, self._wait + 1) + disturbance
+            self._before = of_each(self.sent, self._wait + 1) + disturbance
         self.sent.pop()
         self._ctrl[:] = self._now
 
@@ -105,20 +90,12 @@ class Drives:
 def changes_within(options: SimulateOptions, controller: Controller) -> bool:
     """Tells whether a torque changes within a sample, for its drive is late by a part of one."""
     late_s = options.truth.late_torque_s
-    return bool(_samples(late_s, list(late_s), controller.sampling_period_s)[1].any())
+    return bool(samples_of(_lateness(late_s, list(late_s)), controller.sampling_period_s)[1].any())
 
 
-def _samples(late_s: Mapping[str, float], names: list[str], period_s: float) -> tuple[IntArray, FloatArray]:
-    """Whole samples and the part of one (n_motor,) by which drives are late."""
-    samples = np.array([late_s.get(name, 0.0) for name in names]) / period_s
-    whole = np.floor(samples + _EXACT).astype(int)
-    part = samples - whole
-    return whole, np.where(part > _EXACT, part, 0.0)
-
-
-def _of_each(values: list[FloatArray], age: IntArray) -> FloatArray:
-    """Of values (n_sim, n_motor) of some samples, the latest first, each motor's own of some age (n_motor,)."""
-    return np.stack([values[old][:, motor] for motor, old in enumerate(age.tolist())], axis=1)
+def _lateness(late_s: Mapping[str, float], names: list[str]) -> FloatArray:
+    """How late each drive is (n_motor,) [s]."""
+    return np.array([late_s.get(name, 0.0) for name in names])
 
 
 def encoder_readings(angle: FloatArray, noise: FloatArray, flaws: Imperfections) -> FloatArray:

@@ -19,6 +19,7 @@ from robid.robot.description import Robot
 from robid.robot.friction import LAWS, SIGN_SHARE, FrictionLaw, Ramps
 from robid.robot.linearize import Equilibrium, solve_statics
 from robid.robot.model import ElasticModel, build_model, quiet_warnings
+from robid.simulate.gear_error import GearErrors, with_gear_error
 from robid.simulate.options import Controller, Imperfections, SimulateOptions
 from robid.simulate.truth import warmed, with_imperfections
 
@@ -56,11 +57,12 @@ def rest_of(model: ElasticModel, configuration: FloatArray, flaws: Imperfections
     """
     rest = solve_statics(model, configuration[None])
     if not flaws.one_sided:
-        return rest
+        return with_gear_error(rest, model, flaws)
     # Softer or stiffer, a gear stays bent the way in which gravity bends it.
     share = [flaws.one_sided * (spring.place == "transmission") for spring in model.robot.springs]
     stiffness = np.array([spring.stiffness for spring in model.robot.springs])
-    return solve_statics(model, configuration[None], stiffness * (1 + share * np.sign(rest.deflection[0])))
+    rest = solve_statics(model, configuration[None], stiffness * (1 + share * np.sign(rest.deflection[0])))
+    return with_gear_error(rest, model, flaws)
 
 
 def refuse_explosion(batch: Batch, robot: Robot, configuration: FloatArray, index: int, when: str) -> None:
@@ -186,8 +188,10 @@ class LoadEffects:
     its beginning. What friction does at these levels happens inside the integrator.
     """
 
-    def __init__(self, model: ElasticModel, batch: Batch, flaws: Imperfections, period_s: float) -> None:
-        self._flaws, self._half_s, self._model = flaws, 0.5 * period_s, model
+    def __init__(
+        self, model: ElasticModel, batch: Batch, flaws: Imperfections, period_s: float, errors: GearErrors | None = None
+    ) -> None:
+        self._flaws, self._half_s, self._model, self._errors = flaws, 0.5 * period_s, model, errors
         self._rubs = flaws.friction != "none" and bool(flaws.load_friction or flaws.friction_asymmetry)
         self._damps = flaws.load_damping_1_rad > 0
         self._qpos, self._qvel = batch.qpos, batch.qvel
@@ -215,6 +219,8 @@ class LoadEffects:
         if not (self._rubs or self._damps):
             return
         deflection = (self._qpos + self._half_s * self._qvel) @ self._deflection
+        if self._errors and self._errors.any:
+            deflection[:, self._errors.gears] += self._errors.ahead
         if self._damps:
             growth = 1 + self._flaws.load_damping_1_rad * np.abs(deflection)
             self._damping[:, self._tendons] = self._dampers * growth
@@ -261,12 +267,18 @@ class Followers:
 
     def __init__(self, model: ElasticModel, batch: Batch, controller: Controller, flaws: Imperfections) -> None:
         period_s = controller.sampling_period_s
+        errors = GearErrors(model, batch, flaws, period_s)
         self._parts = (
             VaryingStiffness(model, batch, period_s),
             PointBalances(model, batch, period_s),
-            LoadEffects(model, batch, flaws, period_s),
+            errors,
+            LoadEffects(model, batch, flaws, period_s, errors),
         )
-        self._load = batch.qfrc_applied
+        self._load, self._errors = batch.qfrc_applied, errors
+
+    def begin(self) -> None:
+        """Begins where the batch is."""
+        self._errors.begin()
 
     def follow(self) -> None:
         """Moves everything on to the coming sample."""

@@ -68,6 +68,24 @@ class Imperfections:
     link_encoder_resolution_m: float = option(
         0.0, "Quantisation step of prismatic joints' arm-side encoders [m].", ge=0
     )
+    link_encoder_lag_s: float = option(
+        0.0,
+        "Time by which arm-side encoders show positions of before; fractions of a sample are possible [s].",
+        ge=0,
+    )
+    link_encoder_eccentricity_rad: float = option(
+        0.0,
+        "Amplitude of the error of revolute joints' arm-side encoders over one turn of the arm: they show"
+        " `q + e sin(q + phase)` [rad].",
+        ge=0,
+    )
+    link_encoder_eccentricity_phase_rad: float = option(0.0, "Phase of this error [rad].")
+    link_encoder_play_rad: float = option(
+        0.0,
+        "Play between the arm of a revolute joint and the shaft of its arm-side encoder, full width; the shaft"
+        " starts in the middle [rad].",
+        ge=0,
+    )
     tracker_noise_m: float = option(0.0, "Standard deviation of the trackers' noise [m].", ge=0)
     accelerometer_noise_m_s2: float = option(0.0, "Standard deviation of the accelerometers' noise [m/s^2].", ge=0)
     encoder_resolution_rad: float = option(0.0, "Quantisation step of the motor angle [rad].", ge=0)
@@ -120,6 +138,23 @@ class Imperfections:
     backlash_m: float = option(0.0, "Backlash of prismatic joints' transmissions [m].", ge=0)
     hysteresis_nm: float = option(0.0, "Arm-side hysteresis torque of the transmissions [N m].", ge=0)
     hysteresis_n: float = option(0.0, "Hysteresis force of prismatic joints' transmissions [N].", ge=0)
+    transmission_error_rad: tuple[float, ...] = option(
+        (),
+        "Transmission error of revolute joints' gears, arm side: amplitudes of the harmonics 1, 2, ... of a turn of"
+        " the joint's own motor [rad].",
+    )
+    transmission_error_phase_rad: tuple[float, ...] = option(
+        (),
+        "Phases of these, 0 where none is given. Each joint's are higher by its index, from 0, times 1 rad, so that the"
+        " gears of a robot are not in phase [rad].",
+    )
+    gear_error_rad: float = option(
+        0.0, "Amplitude of a further part of the transmission error, of the gears' own wheels, arm side [rad].", ge=0
+    )
+    gear_error_order: float = option(1.0, "Periods of this part per motor turn; no whole number is needed.", gt=0)
+    gear_error_phase_rad: float = option(
+        0.0, "Phase of this part; each joint's is higher by its index times 1 rad [rad]."
+    )
     unmodelled_payload_kg: float = option(
         0.0, "Payload mass that the model lacks; negative if the model has too much [kg]."
     )

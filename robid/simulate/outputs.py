@@ -11,6 +11,7 @@ from robid.arrays import FloatArray
 from robid.robot.description import Robot
 from robid.robot.model import ElasticModel
 from robid.signals.quantities import Channel, QuantityName, Side
+from robid.simulate.link_encoders import LinkEncoders
 from robid.simulate.options import Imperfections
 
 
@@ -35,14 +36,19 @@ class FurtherOutputs:
         model: The elastic model, built with sensors where `names` has any.
         batch: The simulations.
         names: `<joint>.arm` and names of sensors.
+        flaws: What of them is not exact.
+        period_s: Sampling period [s].
     """
 
-    def __init__(self, model: ElasticModel, batch: Batch, names: tuple[str, ...]) -> None:
+    def __init__(
+        self, model: ElasticModel, batch: Batch, names: tuple[str, ...], flaws: Imperfections, period_s: float
+    ) -> None:
         joints = [joint.name for joint in model.robot.joints]
         sensors = {sensor.name: sensor for sensor in model.robot.sensors}
-        self._qpos, self._n = batch.qpos, len(names)
+        self._n_sim, self._n = batch.nsim, len(names)
         self._arms = [column for column, name in enumerate(names) if name not in sensors]
-        self._angles = [model.arm[joints.index(names[column].removesuffix(".arm"))] for column in self._arms]
+        encoded = [joints.index(names[column].removesuffix(".arm")) for column in self._arms]
+        self._encoders = LinkEncoders(model, batch, encoded, flaws, period_s)
         self._sensed = [column for column, name in enumerate(names) if name in sensors]
         self._axes = np.zeros((model.mujoco.nsensordata, len(self._sensed)))
         for position, column in enumerate(self._sensed):
@@ -72,18 +78,22 @@ class FurtherOutputs:
         known = {"link_encoder": flaws.link_encoder_resolution_rad, "linear_encoder": flaws.link_encoder_resolution_m}
         return np.array([known.get(kind, 0.0) for kind in self._kinds])
 
+    def begin(self) -> None:
+        """Begins where the batch is."""
+        self._encoders.begin()
+
     def arms(self) -> FloatArray:
-        """Returns the link encoders' positions (n_sim, n_arm) now [rad, or m]."""
-        return np.array(self._qpos[:, self._angles])
+        """Returns what the link encoders show (n_sim, n_arm) now, once a sample [rad, or m]."""
+        return self._encoders.read()
 
     def read(self, arms: FloatArray | None = None) -> FloatArray:
         """Returns all outputs (n_sim, n_out); sensors as the engine computed them last [rad, m or m/s^2].
 
         Args:
-            arms (n_sim, n_arm): The link encoders' angles at that time; now when not given [rad].
+            arms (n_sim, n_arm): What the link encoders show at that time; where the arms are when not given [rad].
         """
-        values = np.empty((len(self._qpos), self._n))
-        values[:, self._arms] = self.arms() if arms is None else arms
+        values = np.empty((self._n_sim, self._n))
+        values[:, self._arms] = self._encoders.true() if arms is None else arms
         if self._data is not None:
             values[:, self._sensed] = self._data @ self._axes
         return values

@@ -15,6 +15,7 @@ from robid.robot.response import nominal_parameters
 from robid.robot.statespace import StateSpace, discretise, state_space
 from robid.simulate.controller import angle_reference
 from robid.simulate.drives import changes_within
+from robid.simulate.gear_error import refuse_fast_errors
 from robid.simulate.options import STEP_LIMITS, Controller, SimulateOptions
 from robid.simulate.truth import with_imperfections
 
@@ -55,7 +56,11 @@ def choose_steps(
         configurations (n_conf, n_joint): Arm-side angles; eight of them are looked at [rad].
         frequency_hz (n_freq,): Frequencies at which the response matters [Hz].
         peak_speed (n_joint,): Highest speed that each motor is told [rad/s].
+
+    Raises:
+        DataError: If transmission errors change too fast for the samples.
     """
+    refuse_fast_errors(robot, options.imperfections, controller.sampling_period_s, peak_speed)
     if options.steps_per_sample is not None:
         return Steps(options.steps_per_sample, "as stated")
     period_s = controller.sampling_period_s

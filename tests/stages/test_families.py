@@ -46,7 +46,7 @@ class Case:
     change: tuple[str, str]
     section: str
     left_out: tuple[str, ...] = ()
-    swap: tuple[str, str] = ("", "")  # what the experiment has otherwise for this family
+    swaps: tuple[tuple[str, str], ...] = ()  # what the experiment has otherwise for this family
     code: int = 0  # what a run exits with: 5 where the model is not to be used
 
 
@@ -79,10 +79,24 @@ CASES = {
         " outputs: [turn], order: 3, basis: {degree: 2}, path: {count: 2, smallest: 10}}",
         ("count: 2, smallest", "count: 3, smallest"),
         "Regularisation path",
-        swap=(
-            "configurations: {from: best}",
-            "configurations: {list_deg: [[20, 0], [20, 20], [20, 40], [20, 60], [20, 10]]}",
+        swaps=(
+            (
+                "configurations: {from: best}",
+                "configurations: {list_deg: [[20, 0], [20, 20], [20, 40], [20, 60], [20, 10]]}",
+            ),
         ),
+    ),
+    "transmission": Case(
+        FAMILIES["transmission"],
+        "{family: transmission, from: estimation, validate_on: validation, cut_hz: 60}",
+        ("cut_hz: 60", "cut_hz: 50"),
+        "Torque over deflection",
+        ("estimation/frf.h5", "validation/frf.h5"),
+        swaps=(
+            ("nominal}\n  validation:", "nominal}\n    outputs: [motors, turn.arm, lift.arm]\n  validation:"),
+            ("nominal}\ndesigns:", "nominal}\n    outputs: [motors, turn.arm, lift.arm]\ndesigns:"),
+        ),
+        code=5,  # small motions at other speeds than those of gravity
     ),
     "inertia": Case(
         INERTIA,
@@ -100,7 +114,8 @@ def case(request, shop, monkeypatch):
     known: Mapping[str, Family] = {**FAMILIES, found.family.name: found.family}
     monkeypatch.setattr(files, "FAMILIES", known)
     shop.change("elastic: {family: elastic, from: estimation, validate_on: validation, starts: 2}", f"own: {found.fit}")
-    shop.change(*found.swap)
+    for swap in found.swaps:
+        shop.change(*swap)
     return found
 
 
@@ -282,6 +297,7 @@ def test_the_report_shows_it_and_the_summary_counts_it(made, case, tmp_path):
 IN_MEMORY = {
     "elastic": ("responses", {"starts": 2}),
     "rigid": ("records", {"filters": PreprocessingOptions(position_cut_hz=60), "instruments": "none"}),
+    "transmission": ("records", {"cut_hz": 60.0}),
     "external": ("records", {"poles": 3, "zeros": 2, "delay_samples": 1}),
     "lpv": (
         "responses",
@@ -301,7 +317,7 @@ def test_the_same_fit_of_values_in_memory(made, case):
     opened = robid.open(made.runs)
     read, options = IN_MEMORY[kind]
     data, new = (getattr(opened, read)[name] for name in ("estimation", "validation"))
-    robot = (robid.load_robot(made.folder / "arm.yaml"),) if kind in ("elastic", "rigid") else ()
+    robot = (robid.load_robot(made.folder / "arm.yaml"),) if kind in ("elastic", "rigid", "transmission") else ()
     found = robid.fit_model(kind, *robot, data, validate_on=new, **options)
     stored = opened.fits["own"]
     assert stored.kind == found.kind == kind

@@ -12,6 +12,7 @@ from robid.settings.robot import RobotFile
 from robid.settings.robot_parts import parameter_names
 from robid.settings.sources import SimulateSettings, TruthSettings, with_truth_springs
 from robid.settings.yaml import FieldPath
+from robid.simulate.options import Imperfections
 
 _BODIES = ("payload", "base")
 
@@ -35,8 +36,24 @@ def check_truth(field: FieldPath, campaign: Campaign, simulate: SimulateSettings
             f"S516 the stiffness of `{varying[0]}` depends on a joint's position, which `one_sided` does not do beside"
         )
         yield (*field, "imperfections", "one_sided"), message
+    yield from _gear_errors((*field, "imperfections"), simulate.imperfections, varying)
     extra = simulate.imperfections.unmodelled_payload_kg
     yield from _payload((*field, "imperfections", "unmodelled_payload_kg"), extra, campaign, robot)
+
+
+def _gear_errors(field: FieldPath, flaws: Imperfections, varying: list[str]) -> Found:
+    """Yields transmission errors beside springs that cannot have them, and phases of harmonics that are not there."""
+    for key in ("transmission_error_rad", "gear_error_rad"):
+        if getattr(flaws, key) and varying:
+            message = (
+                f"S630 the stiffness of `{varying[0]}` depends on a joint's position, which transmission errors do not"
+                " act beside"
+            )
+            yield (*field, key), message
+    sizes, phases = len(flaws.transmission_error_rad), len(flaws.transmission_error_phase_rad)
+    if phases > sizes:
+        message = f"S631 has {phases} phases, but `transmission_error_rad` has {sizes} amplitudes"
+        yield (*field, "transmission_error_phase_rad"), message
 
 
 def _factors(field: FieldPath, truth: TruthSettings, robot: RobotFile) -> Found:

@@ -22,7 +22,10 @@ SINGLE, SOUND = "c", "sound"
 Kind: TypeAlias = Literal["heavy", "light"]
 KINDS: tuple[Literal["heavy"], Literal["light"]] = ("heavy", "light")
 
-SIZES = frozenset(field.name for field in fields(Imperfections) if field.type == "float")
+_NO_SIZE = ("_phase_rad", "_order")
+SIZES = frozenset(
+    field.name for field in fields(Imperfections) if field.type == "float" and not field.name.endswith(_NO_SIZE)
+)
 """Imperfections that have a size."""
 OF_SPRINGS = ("stiffness_nm_rad", "damping_nms_rad")
 _BY_JOINT = ("zero_deg", "late_torque_s", "late_angle_s")  # sizes of a truth

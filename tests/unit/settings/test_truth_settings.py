@@ -123,3 +123,18 @@ def test_gears_are_one_sided_or_follow_a_joint(tmp_path):
     told = refused(write(tmp_path, "imperfections: {one_sided: 0.1}", robot))
     assert "imperfections.one_sided: S516 the stiffness of `gear_turn`" in told
     assert load_experiment(write(tmp_path, "imperfections: {one_sided: 0.1}"))
+
+
+@pytest.mark.parametrize("flaw", ["transmission_error_rad: [1.0e-5]", "gear_error_rad: 1.0e-5"])
+def test_gears_have_errors_or_follow_a_joint(tmp_path, flaw):
+    law = "stiffness_over: {joint: turn, positions_deg: [-150, 150], factors: [1, 0.8]}"
+    robot = ROBOT.replace("damping_nms_rad: 80}", f"damping_nms_rad: 80, {law}}}", 1)
+    told = refused(write(tmp_path, f"imperfections: {{{flaw}}}", robot))
+    assert f"imperfections.{flaw.split(':')[0]}: S630 the stiffness of `gear_turn`" in told
+    assert load_experiment(write(tmp_path, f"imperfections: {{{flaw}}}"))
+
+
+def test_every_phase_of_an_error_has_its_amplitude(tmp_path):
+    flaws = "imperfections: {transmission_error_rad: [1.0e-5], transmission_error_phase_rad: [1, 2]}"
+    assert "transmission_error_phase_rad: S631 has 2 phases" in refused(write(tmp_path, flaws))
+    assert load_experiment(write(tmp_path, flaws.replace("[1, 2]", "[1]")))
