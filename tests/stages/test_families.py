@@ -96,7 +96,6 @@ CASES = {
             ("nominal}\n  validation:", "nominal}\n    outputs: [motors, turn.arm, lift.arm]\n  validation:"),
             ("nominal}\ndesigns:", "nominal}\n    outputs: [motors, turn.arm, lift.arm]\ndesigns:"),
         ),
-        code=5,  # small motions at other speeds than those of gravity
     ),
     "inertia": Case(
         INERTIA,

@@ -15,7 +15,7 @@ from robid.robot.description import Robot
 from robid.signals.filters import low_pass, low_pass_reach
 
 _STILL = 1e-6  # rad, or m
-_OTHER = 0.05
+_OTHER, _FOLLOWS = 0.02, 0.9999
 _ROWS_PER_CUT = 8  # rows a second, over the cut-off
 
 
@@ -79,7 +79,9 @@ def _refuse_other_turns(tracks: Sequence[Track], names: Sequence[str]) -> None:
             message = f"D677 {name} does not move, or its arm's encoder does not"
             raise DataError(message, where="record", remedy="move all joints with two encoders, or leave that one out")
         turns = float(motor @ arm / (motor @ motor))
-        if abs(turns - 1) > _OTHER:
+        follows = float(abs(motor @ arm) / np.sqrt((motor @ motor) * (arm @ arm)))
+        # Near resonances an arm moves otherwise, too, but not in proportion.
+        if abs(turns - 1) > _OTHER and follows > _FOLLOWS:
             message = f"D678 the arm of {name} moves {turns:.4g} times as its motor says through the gear"
             remedy = "check sign and unit of its angle in the log, and the robot file's gear ratio and couplings"
             raise DataError(message, where="record", remedy=remedy)
