@@ -241,3 +241,23 @@ def test_errors_that_pass_in_few_samples_are_refused():
     run = experiment(rms=50.0, imperfections=Imperfections(gear_error_rad=1e-5, gear_error_order=60.0))
     with pytest.raises(DataError, match=r"D650 .*`shoulder`"):
         simulate(run, CONFIGURATION, 0)
+
+
+def test_bristles_beside_a_gear_are_dahls_element():
+    # Masses that nothing moves: the motor turns at its speed, the arm stays.
+    stiffness, slip_nm = 900.0, 2.0
+    robot = two_mass_robot(1e6, 1e6, stiffness, 0.0)
+    model = model_of(robot, Imperfections(hysteresis_nm=slip_nm), Controller(sampling_period_s=1e-4))
+    batch = Batch(model.mujoco, 1, nthread=1)
+    reach = 10 * slip_nm / stiffness  # where the bristles slip: they are a tenth as stiff
+    path = []
+    for speed in (1.0, -1.0):
+        batch.qvel[:, model.motor] = speed
+        for _ in range(round(8 * reach / 1e-4)):
+            path.append([float(model.deflection[0] @ batch.qpos[0]), slip_nm / reach * batch.act[0, 0]])
+            batch.step()
+    bend, torque = np.array(path).T
+    turn = len(path) // 2
+    np.testing.assert_allclose(torque[:turn], slip_nm * (1 - np.exp(-bend[:turn] / reach)), atol=5e-3 * slip_nm)
+    back = bend[turn] - bend[turn:]
+    np.testing.assert_allclose(torque[turn:], slip_nm * (2 * np.exp(-back / reach) - 1), atol=1e-2 * slip_nm)
