@@ -15,6 +15,8 @@ _STEPS = 40
 _HALVINGS = 8
 _SMALL = 1e-3  # deviations
 _LEAST = 1e-9  # rad: what no encoder shows
+_BETWEEN = 0.3  # of the assumed model error, between motions of one robot
+_POSITIVE = ("slip", "backlash")
 _SLIP = 0.03  # of the largest torque: where hysteresis begins
 
 
@@ -46,8 +48,7 @@ def estimate_gear(model: GearModel) -> GearEstimate:
         if step < 5 or converged:
             variance = _variances(model, point)
         information, slope = _normal(model, value, point, variance, free)
-        moved = np.zeros(len(value))
-        moved[free] = np.linalg.solve(information, slope)
+        moved = _step(model, value, information, slope, free)
         value, point, size = _descend(model, value, point, variance, moved)
         done = size * np.sqrt(moved[free] @ information @ moved[free]) < _SMALL * np.sqrt(free.sum())
         if converged:
@@ -56,11 +57,36 @@ def estimate_gear(model: GearModel) -> GearEstimate:
     return _concluded(model, value, point, free, converged=converged)
 
 
-def _variances(model: GearModel, point: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
-    """Variance of each motion's residual times the rows over which it is correlated (n_motion,)."""
-    left = point[0] - point[1]
-    own = [left[rows] for rows in model.data.rows]
-    return np.array([np.mean(each**2) * correlation_rows(each) + _LEAST**2 for each in own])
+def _step(
+    model: GearModel, value: FloatArray, information: FloatArray, slope: FloatArray, free: BoolArray
+) -> FloatArray:
+    """Gauss-Newton step (n_param,) in which slip torque and backlash stay positive: the others follow what is at zero."""
+    moved = np.zeros(len(value))
+    places, fixed = np.flatnonzero(free), np.zeros(int(free.sum()), bool)
+    positive = [model.place(name) for name in _POSITIVE]
+    for _ in range(1 + len(positive)):
+        rest = ~fixed
+        own = slope[rest] - information[np.ix_(rest, fixed)] @ moved[places[fixed]]
+        moved[places[rest]] = np.linalg.solve(information[np.ix_(rest, rest)], own)
+        below = np.isin(places, positive) & rest & (value[places] + moved[places] < 0)
+        if not below.any():
+            break
+        fixed |= below
+        moved[places[fixed]] = -value[places[fixed]]
+    return moved
+
+
+def _variances(model: GearModel, point: tuple[FloatArray, FloatArray, FloatArray], assumed: float = 1.0) -> FloatArray:
+    """Variance of each motion's residual times the rows over which it is correlated (n_motion,).
+
+    Beside the residual counts so much of the assumed model error.
+    """
+    left, share = point[0] - point[1], assumed * model.options.prior.model_error
+    found = []
+    for rows in model.data.rows:
+        own, size = left[rows], float(np.std(point[0][rows]))
+        found.append((np.mean(own**2) + (share * size) ** 2) * correlation_rows(own) + _LEAST**2)
+    return np.array(found)
 
 
 def _weights(model: GearModel, variance: FloatArray) -> FloatArray:
@@ -102,7 +128,6 @@ def _descend(
     before, size = _cost(model, value, point, variance), 1.0
     for _ in range(_HALVINGS):
         tried = value + size * moved
-        tried[model.place("slip")] = max(tried[model.place("slip")], 0.0)
         there = model.predict(tried)
         if np.isfinite(there[1]).all() and _cost(model, tried, there, variance) <= before:
             return tried, there, size
@@ -125,7 +150,7 @@ def _concluded(
     known = ~model.is_doubt[free]
     of_data = np.flatnonzero(free)[known]
     effective[np.ix_(of_data, of_data)] = np.linalg.inv(information[np.ix_(known, known)])
-    motions, std = _by_motion(model, value, point, variance, free & ~model.is_doubt)
+    motions, std = motion_by_motion(model, value, point)
     agreement, between = _agreement(motions, std)
     place = model.place("stiffness")
     spread = between**2 / len(motions)
@@ -148,8 +173,12 @@ def _concluded(
 def motion_by_motion(
     model: GearModel, value: FloatArray, point: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[FloatArray, FloatArray]:
-    """Logarithm of the stiffness by each motion alone about some values (n_param,), and its deviation (n_motion,)."""
-    return _by_motion(model, value, point, _variances(model, point), (model.std > 0) & ~model.is_doubt)
+    """Logarithm of the stiffness by each motion alone about some values (n_param,), and its deviation (n_motion,).
+
+    What the law lacks is alike in similar motions: between them counts a part of the assumed model error.
+    """
+    variance = _variances(model, point, _BETWEEN)
+    return _by_motion(model, value, point, variance, (model.std > 0) & ~model.is_doubt)
 
 
 def _by_motion(

@@ -132,7 +132,7 @@ def _solution(
         torque_ratio=load.ratio[gears],
         own_names=fitted[0].model.names[: fitted[0].model.n_own],
         values=np.array([each.found.value[: each.model.n_own] for each in fitted]),
-        values_std=np.array([np.sqrt(np.diag(each.found.covariance))[: each.model.n_own] for each in fitted]),
+        values_covariance=np.array([each.found.covariance[: each.model.n_own, : each.model.n_own] for each in fitted]),
         guess=np.array([each.model.largest / each.model.scale for each in fitted]),
         largest=np.array([each.model.largest for each in fitted]),
         bodies=Bodies(load.bodies.names, load.bodies.value, load.bodies.directions),

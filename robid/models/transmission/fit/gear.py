@@ -1,11 +1,17 @@
 """One gear's parameters: which there are, what is known of them beforehand, and what the model makes of them.
 
-The difference of a joint's encoders is, with the arm's angle `q` shown late by a lag and with its own errors,
+A gear's deflection `x` is the difference of its joint's encoders, the arm's angle `q` shown late by a lag and both with
+their errors:
 
-    motor turns through the gears - arm(t + lag) = x(torque) - e(motor) - e(arm) - scale q - offset
-        + (share of friction behind the gear) friction / k - (damping / k + lag of the torque) dx/dt,
+    x = motor turns through the gears - arm(t + lag) + e(motor) + e(arm) + scale q + offset,
 
-with `x` of the gear's law and `e` sums of sines. Torques are those of the links with their doubts.
+with `e` sums of sines. The torque behind the gear, of the links with their doubts, bends it:
+
+    torque / k = x + s x^3 - b/2 tanh(k x / band) + (H / k) h(x) + (damping / k + lag of the torque) d(torque / k)/dt
+        - (share of friction behind the gear) friction / k,
+
+both sides behind one low pass. Hysteresis `h` remembers the deflection itself, up to the frequencies of transmission
+errors: these shake it loose, which a smooth torque would not show.
 """
 
 from __future__ import annotations
@@ -17,20 +23,21 @@ from itertools import pairwise
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
-from robid.models.transmission.fit.law import BAND_SHARE, GearLaw, deflections
+from robid.models.transmission.fit.law import BAND_SHARE, GearLaw, memories
 from robid.models.transmission.fit.load import Load
 from robid.models.transmission.fit.options import TransmissionFitOptions
 from robid.models.transmission.fit.tracks import Track
+from robid.signals.filters import low_pass
 
 _LOG_STIFFNESS_STD = 2.0
 _STIFFENING_STD = 1.0  # of the share by which stiffness grows up to the largest deflection
 _SLIP_STD = 0.1  # of the largest torque
 _REACH_SHARE, _REACH_STD = 0.3, 1.0  # of the largest deflection; of its logarithm
-_BACKLASH_STD = 0.5  # of the largest deflection
 _START_STD = 0.6
 _OFFSET_STD = 0.1  # rad
 _TELLING = 0.02  # of the largest effect of a doubt
-_MOVE = 1e-5  # by which numbers of the law are moved for slopes
+_MOVE = 1e-4  # by which numbers of the law are moved for slopes
+_NOISES = 1.5  # deviations of the encoders' noise that are no motion
 
 
 @dataclass(frozen=True)
@@ -121,90 +128,109 @@ class GearModel:
 
         The residual is measured less modelled; slopes are those of the model less those of what is measured.
         """
-        stretched, by_law = self._stretch(values)
-        added = [place for place, name in enumerate(self.names) if name in _ADDED or name.startswith("wave_")]
-        lag, column = float(values[self.place("lag")]), self.data.column
-        measured = np.empty(len(stretched))
-        for index, (track, rows) in enumerate(zip(self.data.tracks, self.data.rows, strict=True)):
-            shown, by_law[rows, self.place("lag")] = track.shown.later(lag, column)
-            measured[rows] = track.geared.position[:, column] - shown
-            for name, own in self._linear(values, index, stretched[rows]):
-                by_law[rows, self.place(name)] = own
-        return measured, stretched + by_law[:, added] @ values[added], by_law
+        parts = [self._motion(values, index) for index in range(len(self.data.tracks))]
+        measured, left, slopes = (np.concatenate([part[which] for part in parts]) for which in range(3))
+        return measured, measured - left, -slopes
 
     def deflection(self, values: FloatArray) -> FloatArray:
-        """The gear's deflection (n_row,) by its law along all motions [rad, or m]."""
-        return self._stretch(values)[0]
+        """The gear's deflection (n_row,) along all motions, as the encoders show it [rad, or m]."""
+        return np.concatenate([self._followed(values, index)[2] for index in range(len(self.data.tracks))])
 
-    def _stretch(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """The gear's deflection (n_row,) and its slopes (n_row, n_param) by the law's numbers and the doubts.
+    def _motion(self, values: FloatArray, index: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Measured difference and residual (n_row,), and the residual's slopes (n_row, n_param), of one motion."""
+        data, track = self.data, self.data.tracks[index]
+        law, at = self.law(values), {name: place for place, name in enumerate(self.names)}
+        k, s = float(law.stiffness[0]), float(law.stiffening[0])
+        slopes = np.zeros((len(track.time_s), len(self.names)))
+        fine, measured, stretch = self._followed(values, index, slopes)
+        friction = data.ratio * (
+            data.coulomb * track.sense[:, data.joint] + data.viscous * track.motor.speed[:, data.joint]
+        )
+        doubts = [place for name, place in at.items() if name.startswith("doubt_")]
+        torque = data.torque[index] + data.doubts[index] @ values[doubts] + values[at["share"]] * friction
+        rate = np.gradient(torque, track.period_s)
+        rising = values[at["torque_lag"]]
+        # Behind the low pass: cube, side within the backlash, and memory of the deflection.
+        cube, side, memory, by_reach, by_start, by_shape = self._passed(values, index, fine)
+        bent = 1 + 3 * s * stretch**2
+        load = (law.slip[0] * memory - torque + rising * rate) / k
+        left = (stretch + s * cube - 0.5 * law.backlash[0] * side + load) / bent
+        for name, column in {
+            "stiffness": -load,
+            "stiffening": cube / self.scale**2,
+            "slip": self.largest * memory / k,
+            "reach": law.slip[0] * by_reach / k,
+            f"start_{index}": law.slip[0] * by_start / k,
+            "shape": law.slip[0] * by_shape / k,
+            "backlash": -0.5 * self.scale * side,
+            "torque_lag": rate / k,
+            "share": -friction / k,
+        }.items():
+            slopes[:, at[name]] = column / bent
+        slopes[:, doubts] = -data.doubts[index] / (k * bent)[:, None]
+        return measured, left, slopes
 
-        All motions and all variants of the law are followed side by side, so that time is gone through once.
+    def _followed(
+        self, values: FloatArray, index: int, slopes: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Fine deflection (n_fine,), measured difference and deflection (n_row,) of one motion.
+
+        Fills the slopes (n_row, n_param) of the deflection by what is not the gear's law.
         """
-        data = self.data
-        doubts = [place for place, name in enumerate(self.names) if name.startswith("doubt_")]
-        places = [self.place(name) for name in (*_LAW, "start_0") if self.std[self.place(name)] > 0]
-        steps = [_MOVE * max(1.0, abs(values[place])) for place in places]
-        variants = [values, *(self._moved(values, *pair) for pair in zip(places, steps, strict=True))]
-        variants += [values] * len(doubts)
-        laws = [self.law(each) for each in variants] * len(data.torque)
-        joined = GearLaw(*(np.concatenate([getattr(law, name) for law in laws]) for name in _LAW))
-        most, n_variant = max(len(own) for own in data.torque), len(variants)
-        loads, starts = [], []
-        for index, (torque, moved) in enumerate(zip(data.torque, data.doubts, strict=True)):
-            load = np.repeat((torque + moved @ values[doubts])[:, None], n_variant, axis=1)
-            load[:, n_variant - len(doubts) :] += _MOVE * moved
-            loads.append(np.concatenate([load, np.repeat(load[-1:], most - len(load), axis=0)]))
-            begun = [each[self.place(f"start_{index}")] for each in variants]
-            begun[1 : 1 + len(places)] = [
-                values[self.place(f"start_{index}")] + step * (self.names[place] == "start_0")
-                for place, step in zip(places, steps, strict=True)
-            ]
-            starts.append(np.clip(begun, -1.0, 1.0))
-        found = deflections(joined, np.concatenate(loads, axis=1), self.band, np.concatenate(starts))
-        stretched, slopes = np.empty(data.rows[-1].stop), np.zeros((data.rows[-1].stop, len(self.names)))
-        for index, rows in enumerate(data.rows):
-            own = found[: len(data.torque[index]), index * n_variant : (index + 1) * n_variant]
-            stretched[rows] = own[:, 0]
-            change = own[:, 1:] - own[:, :1]
-            at = [self.place(f"start_{index}") if self.names[place] == "start_0" else place for place in places]
-            slopes[rows.start : rows.stop, at] = change[:, : len(places)] / steps
-            slopes[rows.start : rows.stop, doubts] = change[:, len(places) :] / _MOVE
-        return stretched, slopes
+        data, track = self.data, self.data.tracks[index]
+        fine, column = track.fine, data.column
+        lag = float(values[self.place("lag")])
+        difference, arm = fine.geared[:, column] - fine.later(lag, column), fine.shown[:, column]
+        columns = {"scale": arm, "offset": np.ones_like(arm)}
+        for order, turns in enumerate(self.options.gear.arm_orders):
+            columns |= {f"wave_arm_{order}_sin": np.sin(turns * arm), f"wave_arm_{order}_cos": np.cos(turns * arm)}
+        for order in range(len(self.options.gear.motor_orders)):
+            sine, cosine = fine.waves[:, column, order].T
+            columns |= {f"wave_motor_{order}_sin": sine, f"wave_motor_{order}_cos": cosine}
+        places = [self.place(name) for name in columns]
+        errors = np.stack(list(columns.values()), axis=1)
+        deflection = difference + errors @ values[places]
+        later, by_lag = track.shown.later(lag, column)
+        measured = track.geared.position[:, column] - later
+        smooth = self._smooth(errors, index)
+        if slopes is not None:
+            slopes[:, places], slopes[:, self.place("lag")] = smooth, -by_lag
+        return deflection, measured, measured + smooth @ values[places]
 
-    @staticmethod
-    def _moved(values: FloatArray, place: int, step: float) -> FloatArray:
-        moved = values.copy()
-        moved[place] += step
-        return moved
+    def _passed(self, values: FloatArray, index: int, deflection: FloatArray) -> tuple[FloatArray, ...]:
+        """What becomes of a fine deflection (n_fine,) behind the low pass (n_row,) each.
+
+        Its cube, its side, the memory of hysteresis, and the memory's slopes by the logarithm of its reach, by what it
+        begins with and by its shape: a share of it may build up sooner or later.
+        """
+        law, start = self.law(values), float(np.clip(values[self.place(f"start_{index}")], -1, 1))
+        reach, step = float(law.reach[0]), _MOVE
+        noise = _NOISES * float(self.data.tracks[index].fine.noise[self.data.column])
+        memory = memories(
+            deflection,
+            reach * np.array([1.0, np.exp(step), 1.0, 2.0, 0.5]),
+            np.array([start, start, start - step, start, start]),
+            noise,
+        )
+        side = np.tanh(float(law.stiffness[0]) * deflection / self.band)
+        shape = 0.5 * (memory[:, 3] - memory[:, 4])
+        remembered = memory[:, 0] + values[self.place("shape")] * shape
+        by_reach, by_start = (memory[:, 1] - memory[:, 0]) / step, (memory[:, 0] - memory[:, 2]) / step
+        every = np.stack([deflection**3, side, remembered, by_reach, by_start, shape], axis=1)
+        return tuple(self._smooth(every, index).T)
+
+    def _smooth(self, signal: FloatArray, index: int) -> FloatArray:
+        """Passes fine signals (n_fine, n) through the low pass of the rows (n_row, n)."""
+        fine = self.data.tracks[index].fine
+        return low_pass(signal, fine.period_s, self.options.cut_hz)[fine.rows]
 
     @property
     def band(self) -> float:
         """Torque over which the deflection changes its side by the backlash."""
         return BAND_SHARE * self.data.rated
 
-    def _linear(self, values: FloatArray, index: int, stretched: FloatArray) -> list[tuple[str, FloatArray]]:
-        """Columns of what the model is linear in."""
-        data, track = self.data, self.data.tracks[index]
-        compliance = float(np.exp(-values[self.place("stiffness")]))
-        arm = track.arm.position[:, data.joint]
-        friction = data.coulomb * track.sense[:, data.joint] + data.viscous * track.motor.speed[:, data.joint]
-        found = [
-            ("torque_lag", -np.gradient(stretched, track.period_s)),
-            ("scale", -arm),
-            ("offset", -np.ones_like(arm)),
-            ("share", compliance * data.ratio * friction),
-        ]
-        for order, turns in enumerate(self.options.gear.arm_orders):
-            found += [(f"wave_arm_{order}_sin", -np.sin(turns * arm)), (f"wave_arm_{order}_cos", -np.cos(turns * arm))]
-        for order in range(len(self.options.gear.motor_orders)):
-            sine, cosine = track.waves[:, data.column, order].T
-            found += [(f"wave_motor_{order}_sin", -sine), (f"wave_motor_{order}_cos", -cosine)]
-        return found
-
 
 _LAW = ("stiffness", "stiffening", "slip", "reach", "backlash")
-_ADDED = ("torque_lag", "scale", "offset", "share")
 
 
 def gear_model(
@@ -222,7 +248,8 @@ def gear_model(
         ("stiffening", 0.0, _STIFFENING_STD * gear.stiffening),
         ("slip", 0.0, _SLIP_STD * gear.hysteresis),
         ("reach", float(np.log(_REACH_SHARE)), _REACH_STD * gear.hysteresis),
-        ("backlash", 0.0, _BACKLASH_STD * gear.backlash),
+        ("backlash", 0.0, prior.backlash_rad / scale * gear.backlash),
+        ("shape", 0.0, prior.hysteresis_shape * gear.hysteresis),
         ("lag", 0.0, prior.lag_s),
         ("torque_lag", 0.0, prior.torque_lag_s),
         ("scale", 0.0, prior.scale),

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 
 LOST_MOTION_SHARE = 0.03
 """Of the rated torque, at which lost motion is measured."""
@@ -91,6 +91,57 @@ def _step(law: GearLaw, torque: FloatArray, last: FloatArray, memory: FloatArray
         if np.all(np.abs(step) <= _CLOSE * (np.abs(found) + 1e-9)):
             break
     return found, limit + (memory - limit) * np.exp(-np.abs(found - last) / law.reach)
+
+
+def memories(deflection: FloatArray, reach: FloatArray, start: FloatArray, noise: float) -> FloatArray:
+    """Returns Dahl's hysteresis over its slip torque (n_sample, n_variant), from -1 to 1, along a deflection.
+
+    Between two turns it is an exponential, so that only turns are gone through one by one.
+
+    Args:
+        deflection (n_sample,): Deflections in the order of time [rad, or m].
+        reach (n_variant,): Deflection over which it builds up.
+        start (n_variant,): What it begins with.
+        noise: Changes of the deflection that are no motion: it has to turn back by twice as much before that counts.
+    """
+    turns = _turns(deflection)
+    ends = _counted(deflection[turns], noise)
+    moved = np.diff(ends)
+    sense, decay = np.sign(moved), np.exp(-np.abs(moved)[:, None] / reach)
+    at_turns = np.stack([_along(sense, *pair) for pair in zip(decay.T, start.tolist(), strict=True)], axis=1)
+    # In between: which stretch a sample is in, and how far it has come there.
+    stretch = np.repeat(np.arange(len(moved)), np.diff(turns))
+    begun, rising = ends[stretch], sense[stretch]
+    inner = deflection[:-1]
+    come = np.maximum(rising * (inner - begun) - noise, 0.0)
+    aim = rising[:, None]
+    found = aim + (at_turns[stretch] - aim) * np.exp(-come[:, None] / reach)
+    found = np.where(aim == 0, at_turns[stretch], found)
+    return np.concatenate([found, at_turns[-1:]])
+
+
+def _turns(deflection: FloatArray) -> IntArray:
+    """Indices (n_turn,) at which a course turns back, its two ends with them."""
+    sense = np.sign(np.diff(deflection))
+    turned = np.flatnonzero(sense[1:] != sense[:-1]) + 1
+    return np.concatenate([[0], turned, [len(deflection) - 1]])
+
+
+def _counted(values: FloatArray, noise: float) -> FloatArray:
+    """Where a course with these turns (n_turn,) is, less what is noise: it follows behind by that."""
+    found, place = [], float(values[0])
+    for value in values.tolist():
+        place = max(min(place, value + noise), value - noise)
+        found.append(place)
+    return np.array(found)
+
+
+def _along(sense: FloatArray, decay: FloatArray, start: float) -> FloatArray:
+    """Hysteresis (n_turn,) at the turns, of stretches (n_turn - 1,) that go one way each."""
+    found = [start]
+    for aim, left in zip(sense.tolist(), decay.tolist(), strict=True):
+        found.append(aim + (found[-1] - aim) * left if aim else found[-1])
+    return np.array(found)
 
 
 @dataclass(frozen=True)

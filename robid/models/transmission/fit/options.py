@@ -33,6 +33,13 @@ class PriorOptions:
         "Of the share of a motor's friction that acts behind its gear although the robot file states it at the motor.",
         ge=0,
     )
+    backlash_rad: float = option(1e-4, "Of the backlash, arm side, of prismatic joints in metres [rad].", ge=0)
+    hysteresis_shape: float = option(
+        0.3, "Of the share of hysteresis that builds up over twice the deflection, and not over half of it.", ge=0
+    )
+    model_error: float = option(
+        0.01, "Of what a gear does beside its law, over the size of its deflection along a motion.", ge=0
+    )
     eccentricity_rad: float = option(1e-4, "Of the amplitude of errors with periods per turn of the arm [rad].", ge=0)
     transmission_error_rad: float = option(
         2e-4, "Of the amplitude of each other transmission error, arm side [rad].", ge=0
@@ -48,7 +55,18 @@ class TransmissionFitOptions:
 
     gear: GearOptions = group(GearOptions, "Parts of the gears' law.")
     prior: PriorOptions = group(PriorOptions, "What is known beforehand.")
-    cut_hz: float = option(8.0, "Cut-off of the low pass of torques and deflections alike [Hz].", gt=0)
+    fine_cut_hz: float = option(
+        200.0,
+        "Cut-off up to which deflections are followed where hysteresis remembers them, transmission errors at motor "
+        "turns included; at most a fifth of the sampling rate [Hz].",
+        gt=0,
+    )
+    cut_hz: float = option(
+        4.0,
+        "Cut-off of the low pass of torques and deflections alike: above the motion, and below the first resonance, "
+        "from where on links move otherwise than the encoders show [Hz].",
+        gt=0,
+    )
     rated_torque_nm: dict[str, float] = field(
         default_factory=dict,
         metadata={

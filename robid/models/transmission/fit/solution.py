@@ -73,7 +73,7 @@ class TransmissionSolution:
     torque_ratio: Annotated[FloatArray, Quantity("1", "gear", "Recorded motor torques over those of the robot file")]
     own_names: Annotated[tuple[str, ...], Quantity("1", "own", "Names of the laws' own parameters")]
     values: Annotated[FloatArray, Quantity("1", "gear own", "Their values, related to guess and largest")]
-    values_std: Annotated[FloatArray, Quantity("1", "gear own", "Their standard deviations")]
+    values_covariance: Annotated[FloatArray, Quantity("1", "gear own own", "Their covariance")]
     guess: Annotated[FloatArray, Quantity("N m/rad, or N/m", "gear", "Stiffness that they are related to")]
     largest: Annotated[FloatArray, Quantity("N m, or N", "gear", "Torque that they are related to")]
     bodies: Bodies

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
@@ -16,6 +17,7 @@ from robid.signals.filters import low_pass, low_pass_reach
 
 _STILL = 1e-6  # rad, or m
 _OTHER, _FOLLOWS = 0.02, 0.9999
+_FINEST = 0.2  # of the sampling rate
 _ROWS_PER_CUT = 8  # rows a second, over the cut-off
 
 
@@ -39,6 +41,24 @@ class Course:
 
 
 @dataclass(frozen=True)
+class Fine:
+    """What hysteresis remembers: a motion up to the frequencies of transmission errors, from its first sample on."""
+
+    period_s: float
+    rows: IntArray  # (n_row,) Which of its samples the rows of the track are
+    geared: FloatArray  # (n_fine, n_gear) Arms as their motors show them [rad, or m]
+    shown: FloatArray  # (n_fine, n_gear) Arms as their encoders show them [rad, or m]
+    waves: FloatArray  # (n_fine, n_gear, n_order, 2) Sine and cosine of the motors' angles times the orders
+    noise: FloatArray  # (n_gear,) Deviation of the encoders' noise in their difference
+
+    def later(self, lag_s: float, column: int) -> FloatArray:
+        """Returns what an arm's encoder shows (n_fine,) some time later; what is not known stays as it was last."""
+        time_s = self.period_s * np.arange(len(self.shown))
+        at = np.clip(time_s + lag_s, 0.0, time_s[-1])
+        return np.asarray(CubicSpline(time_s, self.shown[:, column])(at))
+
+
+@dataclass(frozen=True)
 class Track:
     """A motion at the instants that are fitted."""
 
@@ -51,7 +71,7 @@ class Track:
     shown: Course  # Of these, as their own encoders show them
     torque: FloatArray  # (n_row, n_joint) Motor torques [N m]
     sense: FloatArray  # (n_row, n_joint) Signs of the motors' speeds
-    waves: FloatArray  # (n_row, n_gear, n_order, 2) Sine and cosine of the motors' angles times the orders
+    fine: Fine
 
 
 def tracks_of(motions: Sequence[Motion], robot: Robot, options: TransmissionFitOptions) -> tuple[Track, ...]:
@@ -130,8 +150,7 @@ def _track(motion: Motion, robot: Robot, options: TransmissionFitOptions) -> Tra
     arm = geared.copy()
     arm[:, gears] = shown
     speed = np.gradient(motor, period_s, axis=0)
-    turns = motion.motor[:, gears, None] * np.array(options.gear.motor_orders)
-    waves = smooth(np.stack([np.sin(turns), np.cos(turns)], axis=3))
+    fine = _fine(motion, robot, options, rows)
     return Track(
         name=motion.name,
         period_s=step * period_s,
@@ -142,7 +161,32 @@ def _track(motion: Motion, robot: Robot, options: TransmissionFitOptions) -> Tra
         shown=_course(shown, period_s, rows),
         torque=smooth(motion.torque)[rows],
         sense=smooth(np.sign(speed))[rows],
-        waves=waves[rows],
+        fine=fine,
+    )
+
+
+def _fine(motion: Motion, robot: Robot, options: TransmissionFitOptions, rows: IntArray) -> Fine:
+    """Keeps what is needed up to the fine cut-off; rows are among its samples."""
+    period_s, gears = motion.sampling_period_s, list(motion.gears)
+    cut_hz = min(options.fine_cut_hz, _FINEST / period_s)
+    every = rows[1] - rows[0]
+    step = next(
+        each for each in range(min(every, max(1, int(1 / (4 * cut_hz * period_s)))), 0, -1) if every % each == 0
+    )
+    start = rows[0] % step
+    kept = np.arange(start, len(motion.motor), step)
+    geared, shown = motion.motor @ robot.arm_per_motor[gears].T, motion.arm
+    smooth_geared, smooth_shown = (low_pass(each, period_s, cut_hz) for each in (geared, shown))
+    removed = np.std((geared - shown) - (smooth_geared - smooth_shown), axis=0)
+    turns = motion.motor[kept][:, gears, None] * np.array(options.gear.motor_orders)
+    return Fine(
+        period_s=step * period_s,
+        rows=(rows - start) // step,
+        geared=smooth_geared[kept],
+        shown=smooth_shown[kept],
+        waves=np.stack([np.sin(turns), np.cos(turns)], axis=3),
+        # What the filter removed is noise for its greater part, and white.
+        noise=removed * np.sqrt(2 * cut_hz * period_s),
     )
 
 

@@ -38,7 +38,7 @@ class TransmissionValidation:
     measured: Annotated[FloatArray, Quantity("rad, or m", "row gear", "Encoders' difference, the lag made good")]
     model: Annotated[FloatArray, Quantity("rad, or m", "row gear", "The model's")]
     relative_error: Annotated[FloatArray, Quantity("1", "gear", "Error over the size of the deflection")]
-    error_ratio: Annotated[FloatArray, Quantity("1", "gear", "Error over what the fit left of its own")]
+    expected: Annotated[FloatArray, Quantity("1", "gear", "Error that parameters and residual let expect, as that")]
     stiffness: Annotated[FloatArray, Quantity("N m/rad, or N/m", "gear", "Stiffness by this motion alone")]
     stiffness_std: Annotated[FloatArray, Quantity("1", "gear", "Its relative deviation without what both share")]
     deviations: Annotated[FloatArray, Quantity("1", "gear", "Its difference from the fit's over that of both")]
@@ -74,14 +74,16 @@ def validate_transmissions(
         parts.append(_predicted(model, solution, column))
     measured, predicted, deflection = (np.stack([part[which] for part in parts], axis=1) for which in range(3))
     error = np.sqrt(np.mean((measured - predicted) ** 2, axis=0))
-    relative = error / np.maximum(np.std(deflection, axis=0), np.finfo(float).tiny)
+    logs, std, by_parameters = (np.array([part[which] for part in parts]) for which in (3, 4, 5))
+    size = np.maximum(np.std(deflection, axis=0), np.finfo(float).tiny)
     own = np.sqrt(np.mean((solution.rows.measured - solution.rows.model) ** 2, axis=0))
-    logs, std = (np.array([part[which] for part in parts]) for which in (3, 4))
+    expected = np.sqrt(own**2 + by_parameters**2) / size
+    expected = np.hypot(expected, options.prior.model_error)
     away = (logs - np.log([_stiffness(solution, gear) for gear in range(len(gears))])) / np.hypot(
         std, _effective_std(solution)
     )
-    ratio = error / np.maximum(own, np.finfo(float).tiny)
-    every = [*findings, *_doubts(solution, relative, ratio, away)]
+    relative = error / size
+    every = [*findings, *_doubts(solution, relative, expected, away)]
     failures = _failures(solution, relative)
     return TransmissionValidation(
         outcome=outcome_of(solution.estimate, every, failures, _verdict(solution, relative, failures), truth),
@@ -89,7 +91,7 @@ def validate_transmissions(
         measured=measured,
         model=predicted,
         relative_error=relative,
-        error_ratio=ratio,
+        expected=expected,
         stiffness=np.exp(logs),
         stiffness_std=std,
         deviations=away,
@@ -98,10 +100,10 @@ def validate_transmissions(
 
 def _predicted(
     model: GearModel, solution: TransmissionSolution, column: int
-) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
+) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
     """Measured and predicted differences and the gear's part (n_row,), and the stiffness by these motions alone.
 
-    Only what a motion begins with is its own: the state of the hysteresis.
+    Last comes the error that the parameters' covariance lets expect, root mean square. Only what a motion begins with is its own: the state of the hysteresis.
     """
     known = dict(zip(solution.own_names, solution.values[column].tolist(), strict=True))
     value = np.array([0.0 if name.startswith(("start_", "doubt_")) else known.get(name, 0.0) for name in model.names])
@@ -114,7 +116,12 @@ def _predicted(
     logs, std = motion_by_motion(model, value, point)
     weights = 1 / std**2
     mean = float(weights @ logs / weights.sum())
-    return point[0], point[1], model.deflection(value), mean, float(weights.sum() ** -0.5)
+    places = [model.place(name) if name in model.names else -1 for name in solution.own_names]
+    slopes = np.where(np.array(places) >= 0, point[2][:, places], 0.0)
+    slopes[:, [name.startswith("start_") for name in solution.own_names]] = 0.0
+    variance = np.einsum("rp,pq,rq->r", slopes, solution.values_covariance[column], slopes)
+    expected = float(np.sqrt(np.mean(variance)))
+    return point[0], point[1], model.deflection(value), mean, float(weights.sum() ** -0.5), expected
 
 
 def _at(solution: TransmissionSolution, gear: int) -> int:
@@ -142,12 +149,15 @@ def _failures(solution: TransmissionSolution, relative: FloatArray) -> tuple[str
 
 
 def _doubts(
-    solution: TransmissionSolution, relative: FloatArray, ratio: FloatArray, away: FloatArray
+    solution: TransmissionSolution, relative: FloatArray, expected: FloatArray, away: FloatArray
 ) -> Iterator[Finding]:
+    ratio = relative / expected
     for gear in np.flatnonzero(solution.determined).tolist():
         joint = solution.joints[gear]
         if relative[gear] > _MATTERS and ratio[gear] > _WORSE:
-            told = f"the deflection of {joint} is off by {ratio[gear]:.2g} times what the fit left of its own motions"
+            told = (
+                f"the deflection of {joint} is off by {ratio[gear]:.2g} times what residual and parameters let expect"
+            )
             yield Finding("model", told, decisive=False, strength=float(ratio[gear]) / _WORSE)
         if abs(away[gear]) > _FAR:
             told = (
