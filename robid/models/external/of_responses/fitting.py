@@ -134,7 +134,7 @@ def fit_rational(frf: Frf, options: ExternalOptions) -> RationalSolution:
         quality=_quality(fits, shown),
         tried=tuple(each for block, fit in zip(blocks, fits, strict=True) for each in _tried(block, fit)),
         shown=shown,
-        remarks=tuple(text for block, fit in zip(blocks, fits, strict=True) for text in _remarks(block, fit)),
+        remarks=tuple(text for block, fit in zip(blocks, fits, strict=True) for text in _remarks(block, fit, asked)),
     )
 
 
@@ -296,7 +296,13 @@ def _root_rows(
     return rows
 
 
-def _remarks(block: Block, fit: RationalFit) -> Iterator[str]:
+def _remarks(block: Block, fit: RationalFit, asked: ResponseFitOptions) -> Iterator[str]:
+    if fit.missing_zeros:
+        least = asked.relative_degree - fit.missing_zeros
+        yield (
+            f"{block.name}: the response rises as improper functions do: `relative_degree: {least}` has more evidence than"
+            f" {fit.missing_zeros} of the poles, which lie beyond all lines and stand for zeros."
+        )
     if fit.integrators:
         count = "an integrator" if fit.integrators == 1 else f"{fit.integrators} integrators"
         yield f"{block.name}: the slowest poles are {count}; no line is low enough to tell them from zero."
