@@ -12,7 +12,7 @@ from robid.arrays import FloatArray
 from robid.artifacts.kinds import FRF, frf_from_artifact
 from robid.artifacts.store import kind_of, read_artifact
 from robid.errors import ArtifactError, DataError
-from robid.frf.frf import Frf
+from robid.frf.frf import NO_RECORD, Frf
 from robid.frf.joined import join
 from robid.logs.formats.load import load_responses
 from robid.logs.formats.variables import tell_response_format
@@ -104,10 +104,7 @@ def responses_of(
 
 def notes_of(kind: str) -> tuple[str, ...]:
     """Says where the error of responses comes from, and what they cannot tell without a record."""
-    return (
-        f"Responses were measured elsewhere: {TOLD[kind]}.",
-        "There is no record: silent lines, distortion, saturation and friction cannot be looked at.",
-    )
+    return f"Responses were measured elsewhere: {TOLD[kind]}.", NO_RECORD
 
 
 def _located(

@@ -120,6 +120,31 @@ def test_configurations_have_files_of_their_own_and_an_elastic_fit_reads_them(tm
     )
 
 
+def turned(seed):
+    """The conjugate of what was measured."""
+    response, deviation = measured(seed)
+    return robid.make_responses(FREQUENCY, response.conj(), **AXIS, deviation=deviation, accelerations=False)
+
+
+def test_a_phase_of_the_wrong_sign_is_named_in_a_fit_and_in_a_validation():
+    fit = robid.fit_model("external", turned(1))
+    assert fit.findings[0].cause == "units"
+    assert "conjugate" in fit.findings[0].message
+    assert "right half plane" in robid.fit_model("external", turned(1), stable=False).found.solution.remarks[-1]
+    held = robid.fit_model("external", arrays(1), validate_on=turned(2))
+    assert held.grade.causes[0] == "units"
+    assert "conjugate" in held.findings[0].message
+
+
+def test_what_neither_a_response_nor_its_conjugate_explains_is_no_matter_of_the_phase():
+    """Too few poles, and deviations that are stated a tenth of what they are."""
+    few = robid.fit_model("external", arrays(1), poles=2, delay_samples=0)
+    certain = robid.fit_model("external", arrays(1, deviation=measured(1)[1] / 10))
+    for fit in (few, certain):
+        assert fit.found.solution.quality.widened[0] > 1
+        assert not any("conjugate" in finding.message for finding in fit.findings)
+
+
 REFUSED = {
     "delay": ("S640", lambda: arrays(1, delay_s=0.001)),
     "a file's option": ("S641", lambda: arrays(1, magnitude="db")),

@@ -300,13 +300,18 @@ def _remarks(block: Block, fit: RationalFit, asked: ResponseFitOptions) -> Itera
     if fit.missing_zeros:
         least = asked.relative_degree - fit.missing_zeros
         yield (
-            f"{block.name}: the response rises as improper functions do: `relative_degree: {least}` has more evidence than"
-            f" {fit.missing_zeros} of the poles, which lie beyond all lines and stand for zeros."
+            f"{block.name}: the response rises as improper functions do: `relative_degree: {least}` has more evidence"
+            f" than {fit.missing_zeros} of the poles, which lie beyond all lines and stand for zeros."
         )
     if fit.integrators:
         count = "an integrator" if fit.integrators == 1 else f"{fit.integrators} integrators"
         yield f"{block.name}: the slowest poles are {count}; no line is low enough to tell them from zero."
-    if not fit.is_stable:
+    if fit.poles and fit.time == "continuous" and all(root.place.real > 0 for root in fit.poles):
+        yield (
+            f"{block.name}: all poles are in the right half plane, as a stable plant has them whose phase has the wrong"
+            " sign."
+        )
+    elif not fit.is_stable:
         yield f"{block.name}: a pole is in the right half plane; a measured response does not tell whether that is so."
     if fit.widened > 1:
         told = f"{fit.cost / max(fit.degrees_of_freedom, 1):.3g} times what its deviations explain"

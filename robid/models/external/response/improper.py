@@ -15,6 +15,8 @@ from robid.models.external.response.lines import Lines
 from robid.models.external.response.options import ResponseFitOptions
 from robid.models.external.response.residual import State
 
+_MOST = 2
+
 
 def missing_zeros(lines: Lines, state: State, options: ResponseFitOptions, longest: float | None) -> int:
     """Counts the zeros that the response asks for beyond what was allowed.
@@ -27,19 +29,23 @@ def missing_zeros(lines: Lines, state: State, options: ResponseFitOptions, longe
 
     Returns:
         Poles beyond all lines without which the model has more evidence; 0 in discrete time, which has no improper
-        functions, and where the model has fewer zeros than it might.
+        functions, and where the model has fewer zeros than it might, does not explain the response, or needs several
+        such poles, which stand for something else.
     """
     most = state.denominator.n_pole - options.relative_degree
     if options.time == "discrete" or options.zeros is not None or max(state.degrees) < most:
         return 0
     delayed = longest is not None
-    evidence = make_evidence(lines, scale_of(lines, state, delayed=delayed))
+    if scale_of(lines, state, delayed=delayed) > 1:
+        return 0
+    evidence = make_evidence(lines)
     best = state
     while (fewer := _without_fastest(lines, best, longest, stable=options.stable)) is not None:
         if evidence.score(fewer, delayed=delayed) >= evidence.score(best, delayed=delayed):
             break
         best = fewer
-    return state.denominator.n_pole - best.denominator.n_pole
+    count = state.denominator.n_pole - best.denominator.n_pole
+    return count if count <= _MOST else 0
 
 
 def _without_fastest(lines: Lines, state: State, longest: float | None, *, stable: bool) -> State | None:
