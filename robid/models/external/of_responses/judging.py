@@ -12,7 +12,8 @@ from robid.frf.frf import Frf
 from robid.models.conclusions import graded_alone, outcome_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.judge.plausible import MODEL_ERROR, NRMSE_LIMIT
-from robid.models.external.of_responses.fitting import held, options_of, relative_errors
+from robid.models.external.of_responses.agreement import held, relative_errors
+from robid.models.external.of_responses.fitting import options_of
 from robid.models.external.of_responses.solution import RationalSolution, RationalValidation, Shown
 from robid.models.external.response.data import MeasuredResponse, ResponseHold
 from robid.models.external.response.fitting import fit_response
