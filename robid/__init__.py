@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from robid.face.control import from_control, to_control
     from robid.face.designs import choose_configurations
     from robid.face.fits import Fit, fit_model
+    from robid.face.measured import make_responses, read_responses
     from robid.face.parameters import Parameter, Parameters
     from robid.face.responses import estimate_frf, make_record
     from robid.face.robots import RobotModel, load_robot
@@ -31,6 +32,7 @@ _PLACES = {
     "robid.face.control": ("from_control", "to_control"),
     "robid.face.designs": ("choose_configurations",),
     "robid.face.fits": ("Fit", "fit_model"),
+    "robid.face.measured": ("make_responses", "read_responses"),
     "robid.face.parameters": ("Parameter", "Parameters"),
     "robid.face.responses": ("estimate_frf", "make_record"),
     "robid.face.robots": ("RobotModel", "load_robot"),
@@ -68,7 +70,9 @@ __all__ = [
     "from_control",
     "load_robot",
     "make_record",
+    "make_responses",
     "open",
+    "read_responses",
     "to_control",
 ]
 

@@ -39,6 +39,7 @@ from robid.results.estimate import Estimate
 from robid.results.grade import Grade
 from robid.results.outcome import Outcome
 from robid.signals.record import Record
+from robid.signals.response_options import ResponseOptions
 
 ARTIFACTS = (
     (EXCITATION, {"": CampaignExcitation}),
@@ -53,6 +54,8 @@ ARTIFACTS = (
 OPTIONS: dict[str, dict[str, type]] = {
     "estimate_frf": {"": EstimateOptions},
     "choose_configurations": {"": DesignOptions},
+    "make_responses": {"": ResponseOptions},
+    "read_responses": {"": ResponseOptions},
     "fit_model": {"elastic": ElasticOptions, "rigid": RigidFitOptions, "external": ExternalOptions, "lpv": LpvOptions},
 }
 """Options of functions of the Python interface, by what they belong to."""
@@ -183,16 +186,22 @@ def options_table(kind: type, prefix: str = "") -> str:
 
 
 def _options(kind: type, prefix: str) -> Iterator[str]:
-    hints, made = get_type_hints(kind), kind()
+    hints = get_type_hints(kind)
     for field in dataclasses.fields(kind):
-        default, inner = getattr(made, field.name), hints[field.name]
-        described = field.metadata.get("description", "")
-        shown = (
-            "" if dataclasses.is_dataclass(inner) else f"`{list(default) if isinstance(default, tuple) else default!r}`"
-        )
+        inner, described = hints[field.name], field.metadata.get("description", "")
+        shown = "" if dataclasses.is_dataclass(inner) else _default(field)
         yield f"| `{prefix}{field.name}` | {shown} | {_cell(described)} |"
         if dataclasses.is_dataclass(inner):
             yield from _options(inner, f"{prefix}{field.name}.")
+
+
+def _default(field: dataclasses.Field[Any]) -> str:
+    if field.default_factory is not dataclasses.MISSING:
+        return f"`{field.default_factory()!r}`"
+    default = field.default
+    if default is dataclasses.MISSING:
+        return "required"
+    return f"`{list(default) if isinstance(default, tuple) else default!r}`"
 
 
 def _cell(text: str) -> str:

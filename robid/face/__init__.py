@@ -1,4 +1,4 @@
 """The public Python face; `robid` itself leads here when one of its names is used.
 
-To read in this order: runs, parameters, robots, responses, designs, fits, control.
+To read in this order: runs, parameters, robots, responses, measured, designs, fits, control.
 """

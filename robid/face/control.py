@@ -8,7 +8,7 @@ import numpy as np
 
 from robid.errors import SettingsError, require_module
 from robid.face.arguments import check_axes, kind_of, required, shaped, wrong_shape, wrong_type
-from robid.frf.frf import Frf
+from robid.frf.frf import NO_RECORD, Frf
 from robid.signals.quantities import motor_channels
 
 if TYPE_CHECKING:
@@ -89,6 +89,7 @@ def from_control(
         sampling_period_s=sampling_period_s,
         input_channels=motor_channels(names, "torque"),
         output_channels=motor_channels([str(name) for name in response.output_labels], "acceleration"),
+        notes=(NO_RECORD,),
     )
 
 

@@ -79,7 +79,7 @@ def fit_model(
     |---|---|---|
     | `elastic` | robot, responses | springs and dampers |
     | `rigid` | robot, one or several records | masses, inertias and friction |
-    | `external` | one or several records | transfer functions from commands to motions |
+    | `external` | one or several records, or responses | transfer functions from commands to motions |
     | `transmission` | robot, one or several records | stiffness, lost motion and transmission error of gears |
     | `lpv` | responses; `choose_on=` rows that only choose | one state-space model over positions |
 
@@ -116,11 +116,11 @@ _RECORDS = replace(_RECORD, name="records", several=True)
 _READS = {
     "elastic": (_ROBOT, _RESPONSES),
     "rigid": (_ROBOT, _RECORDS),
-    "external": (_RECORDS,),
+    "external": (replace(_RECORDS, made_by="robid.make_record(...)` or, for responses, `robid.read_responses(...)"),),
     "lpv": (_RESPONSES,),
     "transmission": (_ROBOT, _RECORDS),
 }
-"""What each kind of model is fitted to."""
+"""What each kind of model is fitted to; `external` besides to responses alone."""
 _VALIDATES_ON = {
     "elastic": _RESPONSES,
     "rigid": _RECORDS,
@@ -136,9 +136,11 @@ def _check(kind: str, data: Sequence[object], validate_on: object, options: Mapp
         what, remedy = f"D293 there is no kind of model `{kind}`", f"it is {', '.join(FITS)}"
         raise DataError(what, where="fit_model", remedy=remedy)
     called = f"fit_model({kind})"
-    in_order(data, _READS[kind], called)
+    rational = kind == "external" and any(isinstance(each, Frf) for each in data)
+    in_order(data, (_RESPONSES,) if rational else _READS[kind], called)
     if validate_on is not None:
-        in_order((validate_on,), (replace(_VALIDATES_ON[kind], name="validate_on"),), called)
+        wanted = _RESPONSES if rational else _VALIDATES_ON[kind]
+        in_order((validate_on,), (replace(wanted, name="validate_on"),), called)
     if kind == "lpv" and "choose_on" not in options:
         what = "it needs `choose_on`: rows, from 0, of the positions that only choose the structure"
         raise wrong_type(what, called, "name some of them, as `choose_on=[2, 5]`")

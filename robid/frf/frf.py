@@ -22,6 +22,10 @@ _SILENT = "configuration silent output"
 _INPUT, _OUTPUT, _ELEMENT = "configuration input", "configuration output", "configuration output input"
 
 
+NO_RECORD = "There is no record: silent lines, distortion, saturation and friction cannot be looked at."
+"""What responses that were measured elsewhere note."""
+
+
 @dataclass(frozen=True)
 class Frf:
     """Frequency responses from some channels to others, one per configuration.
@@ -190,6 +194,11 @@ class Frf:
     def unit(self) -> str:
         """Unit of the response; that of the first output where they differ."""
         return response_unit(units_text(self.output_channels[:1]), self.input_unit)
+
+    @property
+    def has_record(self) -> bool:
+        """Whether a record is behind it; else it was measured elsewhere."""
+        return NO_RECORD not in self.notes
 
     def select(self, configurations: Sequence[int]) -> Frf:
         """Returns the response in some of its configurations."""

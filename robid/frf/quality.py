@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -118,7 +117,7 @@ _LONGEST_S = 0.25
 _STEP = 1 / 72  # of a turn at the highest line
 _OUTSIDE, _DEVIATIONS = 0.17, 3.0  # sine of the ten degrees, and of the noise, that may lead out of the half plane
 _FARTHEST = 0.8
-_ALLOWED, _CLEARLY = 0.02, 0.1  # share of a motor's lines outside
+_ALLOWED, _NOT_EVEN, _CLEARLY = 0.02, 0.04, 0.1  # share of a motor's lines outside
 _LEAST_LINES = 10
 _LEAST_BAND = 4.0  # highest over lowest frequency: below, a reversed sign passes for a delay
 
@@ -148,12 +147,45 @@ def driving_points(frf: Frf) -> DrivingPoints:
     )
 
 
-def _share_outside(phase: FloatArray, omega: FloatArray, margin: FloatArray, used: BoolArray, delay_s: float) -> float:
-    """Share of the lines at which the median motor would make energy if the delay were this."""
-    # sin(phase) < 0 of acceleration per torque is a negative real part of speed per torque: energy comes out.
-    outside = (np.sin(phase + delay_s * omega) < -margin) & used
-    shares = np.sort(outside.sum(axis=(0, 1)) / used.sum(axis=(0, 1)))
-    return float(shares[(shares.size - 1) // 2])
+@dataclass(frozen=True)
+class _Phases:
+    """Phases of driving points, the hold's lag taken out, of the motors that show enough."""
+
+    phase: FloatArray  # (n_conf, n_freq, n_motor) [rad]
+    omega: FloatArray  # (n_freq, 1) [rad/s]
+    margin: FloatArray  # (n_conf, n_freq, n_motor) Sine by which noise may lead out
+    used: BoolArray  # (n_conf, n_freq, n_motor) Which lines stand out of their noise
+    seen_hz: FloatArray  # (n_seen,) Lines that any motor shows [Hz]
+
+    def share_outside(self, delay_s: float) -> float:
+        """Share of the lines at which the median motor would make energy if the delay were this."""
+        # sin(phase) < 0 of acceleration per torque is a negative real part of speed per torque: energy comes out.
+        outside = (np.sin(self.phase + delay_s * self.omega) < -self.margin) & self.used
+        shares = np.sort(outside.sum(axis=(0, 1)) / self.used.sum(axis=(0, 1)))
+        return float(shares[(shares.size - 1) // 2])
+
+    def delays_from(self, declared_s: float) -> list[float]:
+        """Delays to try: a step turns the highest line by five degrees at most, so that none is passed over."""
+        # Beyond a quarter turn from line to line the phases of neighbours say nothing of a delay.
+        reach = min(_LONGEST_S, 0.25 / float(np.median(np.diff(np.sort(self.seen_hz)))))
+        return np.arange(declared_s, declared_s + reach, _STEP / float(self.seen_hz.max())).tolist()
+
+
+def _phases(points: DrivingPoints) -> _Phases | None:
+    """Prepares driving points; None where too little is seen."""
+    ratio = np.full(points.response.shape, np.inf) if points.signal_to_noise is None else points.signal_to_noise
+    # Phase noise of a response is 1 / sqrt(2 SNR) radians; three of these and ten degrees may lead out.
+    margin = _OUTSIDE + _DEVIATIONS / np.sqrt(2 * np.maximum(ratio, 1e-3))
+    used = margin < _FARTHEST
+    enough = used.sum(axis=(0, 1)) >= _LEAST_LINES
+    used, margin = used[:, :, enough], margin[:, :, enough]
+    seen = points.frequency_hz[used.any(axis=(0, 2))]
+    if seen.size < 2 or seen.max() < _LEAST_BAND * seen.min():
+        return None
+    omega = 2 * np.pi * points.frequency_hz[:, None]
+    # The hold lags by half a period, which is no delay of the drive.
+    phase = np.angle(points.response[:, :, enough]) + 0.5 * (points.hold_period_s or 0.0) * omega
+    return _Phases(phase, omega, margin, used, seen)
 
 
 def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
@@ -172,25 +204,37 @@ def undeclared_delay(points: DrivingPoints, declared_s: float) -> float | None:
         The delay, hold excluded [s]; None where a few samples more than declared will do, where no delay within
         reach would, or where too little is seen.
     """
-    ratio = np.full(points.response.shape, np.inf) if points.signal_to_noise is None else points.signal_to_noise
-    # Phase noise of a response is 1 / sqrt(2 SNR) radians; three of these and ten degrees may lead out.
-    margin = _OUTSIDE + _DEVIATIONS / np.sqrt(2 * np.maximum(ratio, 1e-3))
-    used = margin < _FARTHEST
-    enough = used.sum(axis=(0, 1)) >= _LEAST_LINES
-    used, margin = used[:, :, enough], margin[:, :, enough]
-    seen = points.frequency_hz[used.any(axis=(0, 2))]
-    if seen.size < 2 or seen.max() < _LEAST_BAND * seen.min():
+    phases = _phases(points)
+    if phases is None:
         return None
-    omega = 2 * np.pi * points.frequency_hz[:, None]
-    # The hold lags by half a period, which is no delay of the drive.
-    phase = np.angle(points.response[:, :, enough]) + 0.5 * (points.hold_period_s or 0.0) * omega
-    share_outside = partial(_share_outside, phase, omega, margin, used)
     usual = declared_s + FEW_SAMPLES * points.sampling_period_s
-    if share_outside(usual) < _CLEARLY or share_outside(declared_s) < _CLEARLY:
+    if phases.share_outside(usual) < _CLEARLY or phases.share_outside(declared_s) < _CLEARLY:
         return None
-    # Beyond a quarter turn from line to line the phases of neighbours say nothing of a delay.
-    reach = min(_LONGEST_S, 0.25 / float(np.median(np.diff(np.sort(seen)))))
-    # A step turns the highest line by five degrees at most, so that no admissible delay is passed over.
-    tried = np.arange(declared_s, declared_s + reach, _STEP / float(seen.max())).tolist()
-    found = next((delay for delay in tried if share_outside(delay) <= _ALLOWED), None)
+    tried = phases.delays_from(declared_s)
+    found = next((delay for delay in tried if phases.share_outside(delay) <= _ALLOWED), None)
     return found if found is not None and found > usual else None
+
+
+def is_conjugate(points: DrivingPoints, declared_s: float) -> bool:
+    """Whether driving points are passive with their phases turned around, and with no delay as they are.
+
+    The conjugate of a positive real function has phases from -180 to 0 degrees. A delay cannot bring those back where
+    they go up and down between the two, as antiresonances and resonances have it. Where a motor moves as a mass, at the
+    lowest lines, its phase is near 0 either way; near 180 degrees the response itself is reversed, not its phase.
+
+    Args:
+        points: The driving points.
+        declared_s: Delay that is known, hold excluded [s].
+    """
+    phases, turned = _phases(points), _phases(replace(points, response=np.conj(points.response)))
+    if phases is None or turned is None:
+        return False
+    usual = declared_s + FEW_SAMPLES * points.sampling_period_s
+    if all(turned.share_outside(delay) > _ALLOWED for delay in turned.delays_from(declared_s) if delay <= usual):
+        return False
+    lowest = np.argsort(points.frequency_hz)[:_LEAST_LINES]
+    if np.median(np.cos(phases.phase[:, lowest][phases.used[:, lowest]])) < 0:
+        return False
+    if phases.share_outside(declared_s) < _CLEARLY:
+        return False
+    return all(phases.share_outside(delay) > _NOT_EVEN for delay in phases.delays_from(declared_s))

@@ -108,7 +108,7 @@ def gather(
     content = ReportContent(
         title=loaded.experiment.name,
         verdict=_verdict(loaded, run, fits, warnings),
-        robot=loaded.robot.name if loaded.experiment.robot is not None else "known by its logs alone",
+        robot=loaded.robot.name if loaded.experiment.robot is not None else _nameless(loaded),
         fits=fits_table(fits),
         headlines=tuple(fit.headline for fit in fits) or response_headlines(alone),
         warnings=warnings,
@@ -116,6 +116,14 @@ def gather(
     )
     measured = () if loaded.experiment.fits else tuple(measured_sentence(*one) for one in alone)
     return RunContent(content, fits, run.designs, excitations, compared, _response_numbers(run), measured)
+
+
+def _nameless(loaded: LoadedExperiment) -> str:
+    """What is said of a robot without a file."""
+    campaigns = loaded.experiment.campaigns.values()
+    given = [campaign.is_response for campaign in campaigns if campaign.source is not None]
+    what = "responses" if given and all(given) else "logs and responses" if any(given) else "logs"
+    return f"known by its {what} alone"
 
 
 def _reports(loaded: LoadedExperiment, shown: Mapping[str, Shown]) -> tuple[tuple[FitReport, ...], dict[str, float]]:

@@ -2,41 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.artifacts.kinds import FILES, FRF, files_from_artifact, files_to_artifact, frf_from_artifact, frf_to_artifact
-from robid.artifacts.store import kind_of, read_artifact, write_artifact
-from robid.errors import ArtifactError, DataError, SettingsError
+from robid.artifacts.kinds import FILES, files_from_artifact, files_to_artifact, frf_to_artifact
+from robid.artifacts.store import read_artifact, write_artifact
+from robid.errors import DataError, SettingsError
 from robid.frf.channels import response_kept
 from robid.frf.files import ResponseFiles
 from robid.frf.frf import Frf
-from robid.frf.joined import join
-from robid.logs.formats.load import load_responses
-from robid.logs.formats.variables import tell_response_format
-from robid.logs.responses.columns import column_table
-from robid.logs.responses.datasets import universal_tables
-from robid.logs.responses.importing import frf_of
-from robid.logs.responses.structures import find_object, is_own, object_table, own_tables
-from robid.logs.responses.table import ResponseTable, contradictions_refused
 from robid.pipeline.configurations import configurations_of
 from robid.pipeline.plans import response_files
+from robid.pipeline.response_files import TOLD, notes_of, read_responses
 from robid.pipeline.stage import Job, counted
 from robid.robot.linearize import linearize, solve_statics
 from robid.robot.model import build_model
 from robid.robot.response import nominal_parameters, response
 from robid.settings.sources import ResponseSource
 from robid.signals.quantities import DRIVES
-
-_TOLD = {
-    "stated": "deviations of the file",
-    "coherence": "deviations by its coherence",
-    "neighbours": "deviations by its scatter about neighbouring lines",
-}
 
 
 def check(job: Job) -> str:
@@ -54,7 +39,7 @@ def check(job: Job) -> str:
         lowest_hz=float(frf.frequency_hz[0]),
         highest_hz=float(frf.frequency_hz[-1]),
         covariance=covariance,
-        notes=_missing(covariance),
+        notes=notes_of(covariance),
     )
     write_artifact(job.output, files_to_artifact(found, job.provenance()))
     return _phrase(found)
@@ -84,79 +69,14 @@ def _source(job: Job) -> ResponseSource:
 def _phrase(found: ResponseFiles) -> str:
     size = f"{counted(len(found.names), 'file')} of responses, no record: "
     band = f"{counted(found.n_line, 'line')} from {found.lowest_hz:.4g} to {found.highest_hz:.4g} Hz"
-    return f"{size}{counted(len(found.configurations), 'configuration')}, {band}; {_TOLD[found.covariance]}"
-
-
-def _missing(covariance: str) -> tuple[str, ...]:
-    """What a response without a record cannot tell."""
-    return (
-        f"Responses were measured elsewhere: {_TOLD[covariance]}.",
-        "There is no record: silent lines, distortion, saturation and friction cannot be looked at.",
-    )
+    return f"{size}{counted(len(found.configurations), 'configuration')}, {band}; {TOLD[found.covariance]}"
 
 
 def _read(job: Job, configurations: FloatArray) -> tuple[Frf, str]:
     source, folder = _source(job), job.loaded.path.parent
-    kept = response_kept(job.campaign.estimate)
-    frfs, kinds, tables = [], set[str](), []
-    for index in range(len(configurations) if source.is_numbered else 1):
-        paths = source.paths(folder, index)
-        with contradictions_refused(str(next(iter(paths.values())))):
-            found = _tables(paths, source)
-        if source.is_numbered and len(found) != 1:
-            what = f"D632 the file has responses in {len(found)} configurations"
-            remedy = "leave `{configuration}` out of its name"
-            raise DataError(what, where=str(next(iter(paths.values()))), remedy=remedy)
-        tables += [(table, str(next(iter(paths.values())))) for table in found]
-    if len(tables) != len(configurations):
-        there, wanted = counted(len(tables), "response"), counted(len(configurations), "configuration")
-        what = f"D633 the files have {there}, and the campaign {wanted}"
-        raise DataError(what, remedy="correct `configurations`, or put `{configuration}` into the file's name")
-    for (table, where), place in zip(tables, configurations, strict=True):
-        if isinstance(table, Frf):
-            frfs.append(table)
-            kinds.add("stated")
-            continue
-        with contradictions_refused(where):
-            frf, kind = frf_of(table, source, place, job.loaded.robot.joint_units, where, accelerations=kept)
-        frfs.append(frf)
-        kinds.add(kind)
-    whole = join(frfs, [where for _, where in tables]) if len(frfs) > 1 else frfs[0]
-    told = max(kinds, key=list(_TOLD).index)
-    return replace(whole, notes=(*whole.notes, *_missing(told))), told
-
-
-def _tables(paths: Mapping[str | None, Path], source: ResponseSource) -> list[ResponseTable | Frf]:
-    """Responses of one file, or of the files of one configuration's elements."""
-    first = next(iter(paths.values()))
-    own = _own_artifact(first)
-    if own is not None:
-        return own
-    variables = {name: load_responses(path, source.format, source.dialect) for name, path in paths.items()}
-    main = next(iter(variables.values()))
-    if not source.elements:
-        form = source.format or tell_response_format(first)
-        if form == "uff":
-            return list(universal_tables(main, source))
-        if is_own(main):
-            return list(own_tables(main, source))
-        structure = find_object(main)
-        if structure is not None:
-            return [object_table(main, structure, source)]
-    return [column_table(variables, source)]
-
-
-def _own_artifact(path: Path) -> list[ResponseTable | Frf] | None:
-    """Responses of a run folder's own `frf.h5`, one for each configuration; None of another file."""
-    if path.suffix != ".h5":
-        return None
-    try:
-        if kind_of(path) != FRF.name:
-            return None
-    except ArtifactError:
-        return None
-    frf = frf_from_artifact(read_artifact(path, FRF))
-    return [frf.select([index]) for index in range(len(frf.configurations))]
+    files = [source.paths(folder, index) for index in range(len(configurations) if source.is_numbered else 1)]
+    kept, units = response_kept(job.campaign.estimate), job.loaded.robot.joint_units
+    return read_responses(files, source, configurations, units, accelerations=kept)
 
 
 _FAR, _NEAR = 10.0, 2.0  # factors

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dposv
 
 from robid.arrays import BoolArray, FloatArray
 
@@ -85,13 +85,23 @@ class _Box:
     high: FloatArray
     max_step: float
 
+    @cached_property
+    def is_open(self) -> bool:
+        """Whether there is no bound of a parameter."""
+        return bool(np.isneginf(self.low).all() and np.isposinf(self.high).all())
+
     def within(self, point: FloatArray, step: FloatArray) -> FloatArray:
         """What of a step is allowed."""
-        return np.clip(point + np.clip(step, -self.max_step, self.max_step), self.low, self.high) - point
+        short = step if self.max_step == np.inf else np.minimum(np.maximum(step, -self.max_step), self.max_step)
+        there = point + short
+        return (there if self.is_open else np.minimum(np.maximum(there, self.low), self.high)) - point
 
-    def free(self, point: FloatArray, gradient: FloatArray) -> BoolArray:
-        """Which parameters the cost does not push against a bound."""
-        return ~(((point <= self.low) & (gradient > 0)) | ((point >= self.high) & (gradient < 0)))
+    def free(self, point: FloatArray, gradient: FloatArray) -> BoolArray | None:
+        """Which parameters the cost does not push against a bound; None for all."""
+        if self.is_open:
+            return None
+        free = ~(((point <= self.low) & (gradient > 0)) | ((point >= self.high) & (gradient < 0)))
+        return None if free.all() else free
 
 
 def _descend(
@@ -115,7 +125,8 @@ def _descend(
             status = "converged"
             break
         steps += 1
-        trial = cost(point + step)
+        there = point + step
+        trial = cost(there)
         predicted = _decrease(here, step)
         # A clipped step may leave the region of the model and still go down.
         gain = (here.cost - trial) / predicted if predicted > 0 else 0.5 * np.sign(here.cost - trial)
@@ -123,8 +134,7 @@ def _descend(
             # Damping falls smoothly with the ratio of true to predicted decrease.
             damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
             finished = here.cost - trial <= cost_tolerance * here.cost
-            point = point + step
-            here = normal(point)
+            point, here = there, normal(there)
         else:
             damping, growth = _more_damping(here, damping, growth, free, partial(box.within, point))
             finished = 0 <= predicted <= _ROUNDING * here.cost and (
@@ -137,7 +147,7 @@ def _descend(
 
 
 def _more_damping(
-    here: Normal, damping: float, growth: float, free: BoolArray, allowed: Callable[[FloatArray], FloatArray]
+    here: Normal, damping: float, growth: float, free: BoolArray | None, allowed: Callable[[FloatArray], FloatArray]
 ) -> tuple[float, float]:
     """Damping and its growth after a step that was refused: as much as takes to quarter what is allowed of the step.
 
@@ -152,10 +162,25 @@ def _more_damping(
     return damping, growth
 
 
-def _cosine(here: Normal, free: BoolArray) -> float:
+def _cosine(here: Normal, free: BoolArray | None) -> float:
     """Largest cosine between the residual and its derivative by a free parameter; 0 where nothing is left."""
-    size = (np.sqrt(np.diag(here.hessian)) * np.sqrt(here.cost))[free]
-    return float(np.divide(np.abs(here.gradient[free]), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
+    gradient, hessian = _among(here, free)
+    size = np.sqrt(hessian.diagonal()) * np.sqrt(here.cost)
+    return float(np.divide(np.abs(gradient), size, out=np.zeros(size.size), where=size > 0).max(initial=0.0))
+
+
+def _among(here: Normal, free: BoolArray | None) -> tuple[FloatArray, FloatArray]:
+    """Gradient and Hessian by the free parameters."""
+    return (here.gradient, here.hessian) if free is None else (here.gradient[free], here.hessian[np.ix_(free, free)])
+
+
+def _whole(step: FloatArray, free: BoolArray | None) -> FloatArray:
+    """A step of all parameters, of that of the free ones."""
+    if free is None:
+        return step
+    whole = np.zeros(free.size)
+    whole[free] = step
+    return whole
 
 
 def _is_small(step: FloatArray) -> bool:
@@ -167,20 +192,28 @@ def _decrease(here: Normal, step: FloatArray) -> float:
     return -float(step @ (2 * here.gradient + here.hessian @ step))
 
 
-def _gauss_newton(here: Normal, free: BoolArray) -> FloatArray:
+def _gauss_newton(here: Normal, free: BoolArray | None) -> FloatArray:
     """The least step to the minimum of the quadratic model, where it has more than one."""
-    step = np.zeros(free.size)
-    root = np.sqrt(np.maximum(np.diag(here.hessian), np.finfo(float).tiny))[free]
-    scaled = here.hessian[np.ix_(free, free)] / (root[:, None] * root)
-    step[free] = -np.linalg.lstsq(scaled, here.gradient[free] / root, rcond=_SINGULAR)[0] / root
-    return step
+    gradient, hessian = _among(here, free)
+    root = np.sqrt(np.maximum(hessian.diagonal(), np.finfo(float).tiny))
+    scaled = hessian / (root[:, None] * root)
+    return _whole(-np.linalg.lstsq(scaled, gradient / root, rcond=_SINGULAR)[0] / root, free)
 
 
-def _step(here: Normal, damping: float, free: BoolArray) -> FloatArray:
-    step = np.zeros(free.size)
-    inside = np.ix_(free, free)
-    diagonal = np.diag(here.hessian)
-    scale = np.maximum(diagonal, 1e-12 * diagonal.max())[free]
-    factor = cho_factor(here.hessian[inside] + np.diag((damping + 1e-14) * scale))
-    step[free] = -cho_solve(factor, here.gradient[free])
-    return step
+def _step(here: Normal, damping: float, free: BoolArray | None) -> FloatArray:
+    gradient, hessian = _among(here, free)
+    if not gradient.size:
+        return np.zeros(here.gradient.size)
+    if not (np.isfinite(hessian).all() and np.isfinite(gradient).all()):
+        message = "A descent has come to where the cost has no derivatives."
+        raise ValueError(message)
+    # In few calls: of a small problem, they take longer than the numbers.
+    damped = hessian.copy()
+    damped.ravel()[:: len(gradient) + 1] += (damping + 1e-14) * np.maximum(
+        hessian.diagonal(), 1e-12 * here.hessian.diagonal().max()
+    )
+    _, step, failed = dposv(damped, gradient)
+    if failed:
+        message = "A damped Hessian is not positive definite."
+        raise np.linalg.LinAlgError(message)
+    return _whole(-step, free)

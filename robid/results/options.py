@@ -64,6 +64,9 @@ def _problems(kind: type, hints: Mapping[str, Any], values: Mapping[str, Any]) -
 
 def _value(value: Any, hint: Any, called: str) -> Any:  # noqa: ANN401
     """A value as options have it: sections of mappings, tuples of lists."""
+    inner = get_args(hint)[:1]
+    if get_origin(hint) is tuple and is_dataclass(inner[0]) and isinstance(value, list | tuple):
+        return tuple(_value(each, inner[0], f"{called}[{index}]") for index, each in enumerate(value, start=1))
     if is_dataclass(hint) and isinstance(value, Mapping):
         return options_from(hint, value, called)  # type: ignore[arg-type]
     return tuple(value) if get_origin(hint) is tuple and isinstance(value, list) else value

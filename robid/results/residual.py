@@ -22,6 +22,7 @@ class Residual:
     | `rigid` | row, joint | filtered torques by least squares, NaN where a row does not count | RMS of each joint |
     | `transmission` | row, gear | differences of the encoders | RMS of each gear |
     | `external` | row | motions, one output of one record after the other | RMS of each label |
+    | `external` of a response | frequency, channel | responses, NaN where unknown | the deviation of each element |
     """
 
     measured: FloatArray | ComplexArray  # Data of the fit

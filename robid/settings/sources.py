@@ -160,14 +160,24 @@ class ResponseSource(ResponseOptions):
     @property
     def is_numbered(self) -> bool:
         """Whether each configuration has a file of its own."""
-        return _IN_RESPONSE.search(self.file) is not None
+        return is_numbered_response(self.file)
 
     def paths(self, folder: Path, configuration: int) -> dict[str | None, Path]:
         """Returns the files of a configuration, index from 0: None for `file`, others by their names as written."""
-        names: dict[str | None, str] = {each.file: each.file for each in self.elements if each.file is not None}
-        if not self.elements or any(each.file is None for each in self.elements):
-            names = {None: self.file, **names}
-        return {key: _path(name, folder, (configuration, 0, 0)) for key, name in names.items()}
+        return response_paths(self.file, self, folder, configuration)
+
+
+def is_numbered_response(file: str) -> bool:
+    """Whether each configuration has a file of responses of its own, by the name of it."""
+    return _IN_RESPONSE.search(file) is not None
+
+
+def response_paths(file: str, options: ResponseOptions, folder: Path, configuration: int) -> dict[str | None, Path]:
+    """Returns the files of a configuration, index from 0: None for `file`, others by their names as written."""
+    names: dict[str | None, str] = {each.file: each.file for each in options.elements if each.file is not None}
+    if not options.elements or any(each.file is None for each in options.elements):
+        names = {None: file, **names}
+    return {key: _path(name, folder, (configuration, 0, 0)) for key, name in names.items()}
 
 
 def is_numbered(variable: str, place: str) -> bool:

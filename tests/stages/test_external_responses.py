@@ -7,6 +7,7 @@ import pytest
 import yaml
 from scipy import signal
 
+import robid
 from robid.artifacts.results import MODEL, VALIDATION
 from robid.artifacts.store import read_artifact
 from robid.models.external.of_responses.files import solution_from_artifact, validation_from_artifact
@@ -91,6 +92,11 @@ def test_a_plant_comes_back_with_its_structure_and_is_trusted(bench):
     validation = validation_from_artifact(read_artifact(bench.folder / "runs/plain/fits/tf/validation.h5", VALIDATION))
     assert validation.outcome.grade.value == 2
     np.testing.assert_allclose(validation.shown.model[:, 0], plant(FREQUENCY), rtol=0.01)
+    assert "known by its responses alone" in (bench.folder / "runs/plain/report.html").read_text()
+    stored = robid.open(bench.folder / "runs/plain").fits["tf"]
+    assert stored.residual.labels == ("axis",)
+    assert 0.7 < np.mean(np.abs(stored.residual.whitened) ** 2) < 1.3
+    np.testing.assert_array_equal(stored.residual.measured[:, 0], stored.responses.response[0, :, 0, 0])
 
 
 def test_exports_are_the_model(bench):

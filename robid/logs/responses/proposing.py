@@ -14,7 +14,14 @@ from robid.logs.formats.load import load_responses
 from robid.logs.formats.variables import Variables, tell_response_format
 from robid.logs.responses.columns import find_layout
 from robid.logs.responses.datasets import channels_of_sets
-from robid.logs.responses.structures import find_object, is_own, object_names, texts_of
+from robid.logs.responses.structures import (
+    find_object,
+    is_own,
+    object_lines,
+    object_names,
+    object_period,
+    texts_of,
+)
 from robid.logs.responses.table import contradictions_refused
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.response_options import FREQUENCY_UNITS, ResponseOptions
@@ -99,10 +106,7 @@ def _own_units(variables: Variables) -> tuple[str, str] | None:
 
 def _structure(variables: Variables, name: str) -> Recognised:
     outputs, inputs = object_names(variables, name)
-    frequency = np.ravel(variables[f"{name}.Frequency"]).astype(float)
-    said = variables.texts.get(f"{name}.FrequencyUnit", "rad/TimeUnit").lower()
-    frequency = frequency * (1.0 if said in ("hz", "cycles/timeunit") else FREQUENCY_UNITS["rad/s"])
-    period = float(np.ravel(variables.get(f"{name}.Ts", 0.0))[0])
+    frequency, period = object_lines(variables, name), object_period(variables, name)
     band = float(frequency.min()), float(frequency.max())
     told = Recognised(variables.file, "mat", tuple(inputs), tuple(outputs), frequency.size, *band)
     covariance = np.size(variables.get(f"{name}.CovarianceData", ())) > 0

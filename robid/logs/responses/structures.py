@@ -14,7 +14,13 @@ from robid.logs.responses.table import ResponseTable
 from robid.signals.response_options import FREQUENCY_UNITS, ResponseOptions
 
 _OBJECT = ".ResponseData"
-_TURNS = {"rad/s": "rad/s", "rad/timeunit": "rad/s", "hz": "Hz", "cycles/timeunit": "Hz", "khz": "kHz"}
+_TURN = FREQUENCY_UNITS["rad/s"]
+_FREQUENCIES = {"rad/s": _TURN, "hz": 1.0, "khz": 1e3, "mhz": 1e6, "ghz": 1e9, "rpm": 1 / 60}
+_PER_TIME = {"rad/timeunit": _TURN, "cycles/timeunit": 1.0}
+_SECONDS = {
+    **{"nanoseconds": 1e-9, "microseconds": 1e-6, "milliseconds": 1e-3, "seconds": 1.0, "minutes": 60.0},
+    **{"hours": 3600.0, "days": 86400.0, "weeks": 604800.0},
+}
 OWN_TEXTS = (
     "coefficient_names",
     *(f"measured_{name}" for name in ("names", "quantities", "sides", "units", "samples")),
@@ -90,30 +96,64 @@ def object_table(variables: Variables, name: str, options: ResponseOptions) -> R
     Source:
         MathWorks, System Identification Toolbox, `idfrd`: ResponseData (ny, nu, nf), CovarianceData (ny, nu, nf, 2, 2).
     """
-    data = np.asarray(variables[f"{name}{_OBJECT}"])
-    frequency = np.ravel(variables[f"{name}.Frequency"]).astype(float)
+    frequency, period = object_lines(variables, name, options.frequency.unit), object_period(variables, name)
     n_freq = frequency.size
     shape = _object_shape(variables, name)
-    data = data.reshape(shape)
+    data = np.asarray(variables[f"{name}{_OBJECT}"]).reshape(shape)
     names = object_names(variables, name)
-    seconds = {"milliseconds": 1e-3, "minutes": 60.0, "microseconds": 1e-6}.get(
-        variables.texts.get(f"{name}.TimeUnit", "seconds"), 1.0
-    )
-    said = variables.texts.get(f"{name}.FrequencyUnit", "rad/TimeUnit").lower()
-    frequency = frequency * FREQUENCY_UNITS[_TURNS.get(said, "rad/s")] / (seconds if "timeunit" in said else 1.0)
     delay = _object_delays(variables, name, shape)
-    period = seconds * float(np.ravel(variables.get(f"{name}.Ts", 0.0))[0])
-    delay_s = delay * (period if period > 0 else seconds)
+    if period < 0 and delay.any():
+        what = "D662 the object has delays in samples, and no sampling period (`Ts` is -1)"
+        remedy = "set `Ts` of the object, or take the delays out of it"
+        raise DataError(what, where=str(variables.file), remedy=remedy)
+    delay_s = delay * (period if period > 0 else _time_unit(variables, name))
     response = np.moveaxis(data, 2, 0) * np.exp(-2j * np.pi * frequency[:, None, None] * delay_s)
     pick = _picked(variables, options, names[0], names[1])
     chosen = np.ix_(np.arange(n_freq), pick[0], pick[1])
     covariance = variables.get(f"{name}.CovarianceData")
     variance = None
-    if covariance is not None and np.size(covariance) == 4 * data.size:
+    if covariance is not None and np.size(covariance):
         # Real and imaginary part, and what they have in common: E|error|^2 is their sum.
         both = np.asarray(covariance, float).reshape(*shape, 2, 2)
         variance = np.moveaxis(both[..., 0, 0] + both[..., 1, 1], 2, 0)[chosen]
-    return ResponseTable(frequency, response[chosen], variance, sampling_period_s=max(period, 0.0))
+    told = (
+        f"The object has a sampling period of {period:g} s and `sampling_period_s` is not given: no hold is taken out."
+    )
+    notes = (told,) if period > 0 and options.sampling_period_s is None else ()
+    return ResponseTable(frequency, response[chosen], variance, sampling_period_s=max(period, 0.0), notes=notes)
+
+
+def object_lines(variables: Variables, name: str, stated: str | None = None) -> FloatArray:
+    """Lines of an `idfrd` or `frd` structure (n_freq,) [Hz]: by the unit that is stated, else by its own.
+
+    Raises:
+        DataError: If its unit is none of MATLAB's.
+    """
+    frequency = np.ravel(variables[f"{name}.Frequency"]).astype(float)
+    if stated is not None:
+        return np.asarray(frequency * FREQUENCY_UNITS[stated])
+    # Objects of releases before R2011b have `Units`.
+    said = variables.texts.get(f"{name}.FrequencyUnit") or variables.texts.get(f"{name}.Units") or "rad/TimeUnit"
+    if said.lower() in _PER_TIME:
+        return np.asarray(frequency * (_PER_TIME[said.lower()] / _time_unit(variables, name)))
+    if said.lower() not in _FREQUENCIES:
+        what = f"D663 the object's frequencies are in `{said}`, which is no unit of frequencies"
+        remedy = "state it: `frequency: {unit: Hz}`"
+        raise DataError(what, where=str(variables.file), remedy=remedy)
+    return np.asarray(frequency * _FREQUENCIES[said.lower()])
+
+
+def object_period(variables: Variables, name: str) -> float:
+    """Sampling period of an `idfrd` or `frd` structure [s]; 0 in continuous time, below where it is not said."""
+    return _time_unit(variables, name) * float(np.ravel(variables.get(f"{name}.Ts", 0.0))[0])
+
+
+def _time_unit(variables: Variables, name: str) -> float:
+    said = variables.texts.get(f"{name}.TimeUnit") or "seconds"
+    if said.lower() not in _SECONDS:
+        what = f"D664 the object's times are in `{said}`, which is no unit of times"
+        raise DataError(what, where=str(variables.file), remedy="set its `TimeUnit` to `seconds` and export it again")
+    return _SECONDS[said.lower()]
 
 
 def object_names(variables: Variables, name: str) -> tuple[list[str], list[str]]:
@@ -135,6 +175,9 @@ _SIDES = ("Output", "Input")
 def _object_shape(variables: Variables, name: str) -> tuple[int, int, int]:
     """Outputs, inputs and lines of a response, whose axes of length one may have been dropped."""
     data, n_freq = variables[f"{name}{_OBJECT}"], np.size(variables[f"{name}.Frequency"])
+    if data.ndim > 3:
+        what = f"D665 the object is an array of {int(np.prod(data.shape[3:]))} models"
+        raise DataError(what, where=str(variables.file), remedy="save each of them, as `struct(sys(:,:,1))`, in a file")
     if data.ndim == 3 and data.shape[2] == n_freq:
         return int(data.shape[0]), int(data.shape[1]), n_freq
     size = data.size // max(n_freq, 1)
@@ -146,12 +189,10 @@ def _object_shape(variables: Variables, name: str) -> tuple[int, int, int]:
 def _object_delays(variables: Variables, name: str, shape: tuple[int, ...]) -> FloatArray:
     """Delays (n_out, n_in) that the object holds beside its response, in its time unit or samples."""
     found = np.zeros(shape[:2])
-    for field_name, axis in (("IODelay", None), ("OutputDelay", 1), ("InputDelay", 0)):
+    for field_name, own in (("IODelay", shape[:2]), ("OutputDelay", (shape[0], 1)), ("InputDelay", (1, shape[1]))):
         value = np.asarray(variables.get(f"{name}.{field_name}", 0.0), float)
-        if axis is None and value.size in (1, found.size):
-            found = found + (value.reshape(found.shape) if value.size == found.size else float(value.ravel()[0]))
-        elif axis is not None and value.size in (1, found.shape[1 - axis]):
-            found = found + np.expand_dims(value.ravel(), axis)
+        if value.size:
+            found = found + (value.reshape(own) if value.size > 1 else float(value.ravel()[0]))
     return found
 
 

@@ -1,4 +1,4 @@
-"""What an external fit leaves of its motions."""
+"""What an external fit leaves of its motions, or of its response."""
 
 from __future__ import annotations
 
@@ -8,11 +8,17 @@ from robid.artifacts.artifact import Artifact
 from robid.frf.frf import Frf
 from robid.models.external.files import solution_from_artifact
 from robid.models.external.fit.solution import ExternalSolution
+from robid.models.external.of_responses.files import solution_from_artifact as rational_from_artifact
+from robid.models.external.of_responses.solution import RationalSolution
 from robid.results.residual import Residual, scaled_by_group
 
+_SHOWN = "external/shown/"  # datasets that only fits of responses have
 
-def residual_of(solution: ExternalSolution, _responses: Frf | None) -> Residual:
-    """Returns measured and simulated motions, one output of one shot after the other."""
+
+def residual_of(solution: ExternalSolution | RationalSolution, _responses: Frf | None) -> Residual:
+    """Returns measured and simulated motions, one output of one shot after the other; or responses, by channel."""
+    if isinstance(solution, RationalSolution):
+        return _of_response(solution)
     found, names = solution.traces, solution.quality.output_names
     rows = zip(found.shot.tolist(), found.output.tolist(), strict=True)
     labels = tuple(f"{found.shots[shot]}: {names[output]}" for shot, output in rows)
@@ -29,4 +35,18 @@ def residual_of(solution: ExternalSolution, _responses: Frf | None) -> Residual:
 
 def stored_residual(model: Artifact, responses: Frf | None) -> Residual:
     """Returns the same from the file of a fit."""
-    return residual_of(solution_from_artifact(model), responses)
+    of_response = any(name.startswith(_SHOWN) for name in model.datasets)
+    return residual_of((rational_from_artifact if of_response else solution_from_artifact)(model), responses)
+
+
+def _of_response(solution: RationalSolution) -> Residual:
+    shown = solution.shown
+    return Residual(
+        measured=shown.measured,
+        model=shown.model,
+        whitened=(shown.measured - shown.model) / shown.measured_std,
+        axes=("frequency", "channel"),
+        abscissa=shown.frequency_hz,
+        over="frequency_hz",
+        labels=solution.transfers.names,
+    )

@@ -51,6 +51,7 @@ class Evidence:
     uncompensated: ComplexArray  # (n_conf, n_spread, n_moved, n_motor) The same before torques were compensated
     spread_clear: BoolArray  # (n_conf, n_spread, n_moved, n_motor) Which of it stands out of its noise
     torque_rms: FloatArray | None  # (n_conf, n_motor) RMS of the torques about their means, None in old files [N m]
+    has_record: bool = True  # Whether a record is behind it, which leaves no doubt of the phase's sign
 
     def joints(self, robot: Robot) -> IntArray:
         """Indices of the motors among a robot's joints."""
@@ -118,6 +119,7 @@ def gather_evidence(frf: Frf) -> Evidence:
         sampling_period_s=frf.sampling_period_s,
         hold_period_s=frf.hold_period_s,
         saturated=saturated_signals(frf),
+        has_record=frf.has_record,
         **_spread(frf, names, inputs),
     )
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.frf.frf import Frf
-from robid.frf.quality import FEW_SAMPLES, DrivingPoints, undeclared_delay
+from robid.frf.quality import FEW_SAMPLES, DrivingPoints, is_conjugate, undeclared_delay
 from robid.results.finding import CAUSES, Finding, saturation_findings, two_digits
 from robid.results.plausible.angles import judge_angles
 from robid.results.plausible.evidence import CLEAR, Evidence, Fitted, gather_evidence
@@ -184,6 +184,7 @@ def _finding(
 
 
 _LOST = 2.0
+_MADE_ENERGY = 5.0  # How far beyond what is normal a conjugate is
 _HALF_TURN = 0.5
 
 
@@ -209,7 +210,8 @@ def evidence_findings(
     if not evidence.belongs_to(robot):
         return (), ()
     scales = judge_scales(robot, evidence, delay_s)
-    evidence, late = _without_delay(scales.evidence, delay_s)
+    evidence, turned_phase = _with_phase_turned(scales.evidence, delay_s)
+    evidence, late = _without_delay(evidence, delay_s)
     angles = judge_angles(robot, evidence)
     weights = weigh(robot, evidence, angles.ratio_fits, fitted) if angles.placed else None
     none: FloatArray = np.zeros(len(evidence.names))
@@ -229,6 +231,7 @@ def evidence_findings(
         if finding.cause != "angle_sign" or finding.message.partition(":")[0] not in told
     ]
     findings = (
+        *turned_phase,
         *late,
         *angles.findings,
         *turned,
@@ -240,18 +243,31 @@ def evidence_findings(
     return (*scales.findings, *rest), angles.notes
 
 
+def _driving_points(evidence: Evidence) -> DrivingPoints:
+    return DrivingPoints(
+        evidence.lines_hz,
+        evidence.driving,
+        evidence.signal_to_noise,
+        evidence.sampling_period_s,
+        evidence.hold_period_s,
+    )
+
+
+def _with_phase_turned(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Finding]]:
+    """Turns the phase around of a response that was measured elsewhere and is its own conjugate, and findings it."""
+    if evidence.has_record or not is_conjugate(_driving_points(evidence), declared_s):
+        return evidence, []
+    told = (
+        "the motors' own responses make energy at any delay, and none where the phase's sign is turned around: the file"
+        " has the conjugate of the response, so negate its phase, or its imaginary part"
+    )
+    sound = replace(evidence, response=evidence.response.conj(), driving=evidence.driving.conj())
+    return sound, [Finding("units", told, decisive=True, strength=_MADE_ENERGY)]
+
+
 def _without_delay(evidence: Evidence, declared_s: float) -> tuple[Evidence, list[Finding]]:
     """Takes a delay that is not declared out of the responses, whose signs it would turn, and findings it."""
-    found = undeclared_delay(
-        DrivingPoints(
-            evidence.lines_hz,
-            evidence.driving,
-            evidence.signal_to_noise,
-            evidence.sampling_period_s,
-            evidence.hold_period_s,
-        ),
-        declared_s,
-    )
+    found = undeclared_delay(_driving_points(evidence), declared_s)
     if found is None:
         return evidence, []
     samples, declared = found / evidence.sampling_period_s, declared_s / evidence.sampling_period_s

@@ -183,13 +183,7 @@ def _torques(
 def _motions(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) -> Iterator[Hypothesis]:
     n_state = len(names) + len(moved) + 1
     kinds = {(one.quantity, one.side, one.unit) for one in moved}
-    if len({side for quantity, side, _ in kinds if quantity == "angle"}) > 1:
-        rows = [len(names) + index for index, one in enumerate(moved) if one.quantity == "angle"]
-        for factor, sign, penalty in _FACTORS["angle"]:
-            sides = ("motor_angle", "arm_angle")
-            scales = tuple(Scale(side, factor, inverse=sign < 0, joints=()) for side in sides)
-            log = _log(rows, sign * np.log(SCALES[factor]), n_state)
-            yield Hypothesis(scales, SCALES[factor], log, penalty + 1.0)
+    yield from _both_sides(moved, len(names), n_state)
     for quantity, side, unit in sorted(kinds):
         own = [index for index, one in enumerate(moved) if (one.quantity, one.side, one.unit) == (quantity, side, unit)]
         joints_of = [moved[index].name.partition(".")[0] for index in own]
@@ -204,6 +198,19 @@ def _motions(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) 
             if _differs(log) and quantity in ("angle", "speed", "acceleration"):
                 sign = 1 if side == "arm" else -1
                 yield _own(channel, "gear_ratio", joints, rows, sign * log, n_state, 1.0 + rare, inverse=sign < 0)
+
+
+def _both_sides(moved: Sequence[Channel], n_torque: int, n_state: int) -> Iterator[Hypothesis]:
+    """Motors and arms alike, where one quantity of both is read: who mistakes a unit does so for the whole file."""
+    for quantity, unit in sorted({(one.quantity, one.unit) for one in moved}):
+        own = [index for index, one in enumerate(moved) if (one.quantity, one.unit) == (quantity, unit)]
+        if len({moved[index].side for index in own}) < 2:
+            continue
+        channels = ("motor_angle", "arm_angle") if quantity == "angle" else (quantity,)
+        for factor, sign, penalty in _FACTORS.get(quantity, ()):
+            scales = tuple(Scale(channel, factor, inverse=sign < 0, joints=()) for channel in channels)
+            log = _log([n_torque + index for index in own], sign * np.log(SCALES[factor]), n_state)
+            yield Hypothesis(scales, SCALES[factor], log, penalty + 1.0)
 
 
 def _counted(channel: str, joints: tuple[str, ...], rows: list[int], n_state: int, rare: float) -> Iterator[Hypothesis]:

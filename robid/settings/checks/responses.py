@@ -12,31 +12,37 @@ from robid.settings.sources import ResponseSource
 from robid.settings.yaml import FieldPath
 from robid.signals.log_channels import input_problems
 from robid.signals.quantities import DRIVES
+from robid.signals.response_options import ResponseOptions
 
 
 def check_response(field: FieldPath, campaign: Campaign, source: ResponseSource) -> Found:
     """Finds what is wrong with a source of responses whatever the robot is."""
     inside = (*field, "source", "response")
-    for key, channels in (("inputs", source.inputs), ("outputs", source.outputs)):
+    yield from check_options(inside, source)
+    for name in (source.file, *(each.file for each in source.elements if each.file is not None)):
+        yield from check_path((*inside, "file"), name)
+    if campaign.estimate.compensation not in ("none",) or campaign.estimate.friction_fit is not None:
+        told = "S612 friction can be subtracted from a record alone: leave `compensation` out, or set it to `none`"
+        yield (*field, "estimate", "compensation"), told
+
+
+def check_options(inside: FieldPath, options: ResponseOptions) -> Found:
+    """Finds what contradicts itself in what files of responses mean."""
+    for key, channels in (("inputs", options.inputs), ("outputs", options.outputs)):
         names = [one.name for one in channels]
         for index, channel in enumerate(channels):
             for problem in channel.problems():
                 yield (*inside, key, index), problem
             if channel.name in names[:index]:
                 yield (*inside, key, index, "name"), f"S610 `{channel.name}` is there twice"
-    for problem in input_problems(source.inputs):
+    for problem in input_problems(options.inputs):
         yield (*inside, "inputs"), problem
-    yield from _elements(inside, source)
-    if source.input_rms and (len(source.input_rms) != len(source.inputs) or min(source.input_rms) <= 0):
-        yield (*inside, "input_rms"), f"S611 needs a value above 0 for each of {len(source.inputs)} inputs"
-    for name in (source.file, *(each.file for each in source.elements if each.file is not None)):
-        yield from _path((*inside, "file"), name)
-    if campaign.estimate.compensation not in ("none",) or campaign.estimate.friction_fit is not None:
-        told = "S612 friction can be subtracted from a record alone: leave `compensation` out, or set it to `none`"
-        yield (*field, "estimate", "compensation"), told
+    yield from _elements(inside, options)
+    if options.input_rms and (len(options.input_rms) != len(options.inputs) or min(options.input_rms) <= 0):
+        yield (*inside, "input_rms"), f"S611 needs a value above 0 for each of {len(options.inputs)} inputs"
 
 
-def _elements(inside: FieldPath, source: ResponseSource) -> Found:
+def _elements(inside: FieldPath, source: ResponseOptions) -> Found:
     known = {"output": [one.name for one in source.outputs], "input": [one.name for one in source.inputs]}
     seen = set()
     for index, element in enumerate(source.elements):
@@ -52,7 +58,8 @@ def _elements(inside: FieldPath, source: ResponseSource) -> Found:
         seen.add(pair)
 
 
-def _path(field: FieldPath, name: str) -> Found:
+def check_path(field: FieldPath, name: str) -> Found:
+    """Finds placeholders in the name of a file that nothing stands for."""
     rest = name.removeprefix(DATA_VARIABLE)
     try:
         rest.format(configuration=1)

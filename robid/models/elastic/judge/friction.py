@@ -36,6 +36,11 @@ def friction_remedy(frf: Frf) -> str:
     Lines that stay silent show friction and nothing else. Where the record has enough of them they are to be used;
     else a longer period, whose lines lie closer, leaves them silent.
     """
+    if not frf.has_record:
+        return (
+            "a response alone does not show it: measure with a larger amplitude, so that motors slide, or bring a"
+            " record, from which `compensation` can take friction"
+        )
     other = "`compensation: {fit: NAME}` takes friction from a rigid fit of large, slow motions"
     if frf.compensation == "silent_lines":
         return f"play a larger excitation, so that motors slide, or another one: {other}"

@@ -1,1 +1,4 @@
-"""External fits of campaigns that have responses alone: transfer functions, their judgement, files and page."""
+"""External fits of campaigns that have responses alone: transfer functions, their judgement, files and page.
+
+Read `solution`, what is found; `blocks`, `fitting`, `parameters` and `agreement`, how; then `judging`, `files`, `page`.
+"""

@@ -1,72 +1,28 @@
-"""Transfer functions from a response: blocks, their fits, and all of it as a solution."""
+"""Transfer functions from a response: the fits of its blocks, and all of it as a solution."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.linalg import block_diag
 
-from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
-from robid.models.conclusions import Row, estimate_of_rows, root_rows
+from robid.models.conclusions import estimate_of_rows
 from robid.models.external.fit.options import ExternalOptions
-from robid.models.external.fit.parameters import Root, gain_unit
+from robid.models.external.of_responses.agreement import quality_of, shown_of
+from robid.models.external.of_responses.blocks import Block, blocks_of, measured_of
+from robid.models.external.of_responses.parameters import rows_of
 from robid.models.external.of_responses.solution import (
-    RationalQuality,
     RationalSolution,
     RationalTransfers,
     ResponsePorts,
-    Shown,
     TriedRational,
 )
-from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.fitting import fit_response
 from robid.models.external.response.options import ResponseFitOptions
 from robid.models.external.response.result import RationalFit
-from robid.models.external.response.uncertainty import gain_moves
-from robid.robot.sampling import hold_factor
-
-_LOUD = 0.3  # Deviation over the response from which on a line says nothing of a relative error
-
-
-@dataclass(frozen=True)
-class Block:
-    """Channels with common poles: every output by every input."""
-
-    name: str
-    outputs: tuple[int, ...]
-    inputs: tuple[int, ...]
-
-    def channels(self) -> Iterator[tuple[int, int]]:
-        """Outputs and inputs, inputs fastest."""
-        return ((out, one) for out in self.outputs for one in self.inputs)
-
-
-def blocks_of(frf: Frf, options: ExternalOptions) -> list[Block]:
-    """The blocks that the options ask for.
-
-    Raises:
-        DataError: If a pair is not in the response, or no channel is.
-    """
-    outputs, inputs = frf.output_names, frf.input_names
-    if options.matrix == "full":
-        return [Block("matrix", tuple(range(len(outputs))), tuple(range(len(inputs))))]
-    pairs = options.pairs or tuple((name, name) for name in inputs if name in outputs)
-    if not pairs and len(outputs) == len(inputs) == 1:
-        pairs = ((inputs[0], outputs[0]),)
-    missing = [f"{out} per {one}" for one, out in pairs if one not in inputs or out not in outputs]
-    if missing or not pairs:
-        there = f"inputs {', '.join(inputs)}; outputs {', '.join(outputs)}"
-        lacking = missing[0] if missing else "output with the name of an input"
-        remedy = "name `pairs` of input and output, or `matrix: full`"
-        raise DataError(f"D637 the response has no {lacking} ({there})", where="pairs", remedy=remedy)
-    return [
-        Block(one if one == out else f"{out} by {one}", (outputs.index(out),), (inputs.index(one),))
-        for one, out in pairs
-    ]
 
 
 def options_of(options: ExternalOptions, sampling_period_s: float | None) -> ResponseFitOptions:
@@ -114,9 +70,10 @@ def fit_rational(frf: Frf, options: ExternalOptions) -> RationalSolution:
         hold="none" if period is None or options.time == "discrete" else "zoh",
     )
     transfers = _transfers(blocks, fits, ports)
-    shown = _shown(frf, blocks, fits, ports)
+    shown = shown_of(frf, blocks, fits, ports)
     rows = [
-        _rows(block, fit, transfers, index, ports) for index, (block, fit) in enumerate(zip(blocks, fits, strict=True))
+        rows_of(block, fit, transfers, index, ports)
+        for index, (block, fit) in enumerate(zip(blocks, fits, strict=True))
     ]
     estimate = estimate_of_rows(
         [row for each in rows for row in each],
@@ -131,24 +88,10 @@ def fit_rational(frf: Frf, options: ExternalOptions) -> RationalSolution:
         estimate=estimate,
         ports=ports,
         transfers=transfers,
-        quality=_quality(fits, shown),
+        quality=quality_of(fits, shown),
         tried=tuple(each for block, fit in zip(blocks, fits, strict=True) for each in _tried(block, fit)),
         shown=shown,
-        remarks=tuple(text for block, fit in zip(blocks, fits, strict=True) for text in _remarks(block, fit)),
-    )
-
-
-def measured_of(frf: Frf, block: Block, period: float | None) -> MeasuredResponse:
-    """The response of a block, unknown where a line tells too little of an input."""
-    variance = frf.element_variance()[0]
-    chosen = np.ix_(np.arange(frf.frequency_hz.size), np.array(block.outputs), np.array(block.inputs))
-    known = np.isfinite(variance) & (variance > 0)
-    return MeasuredResponse(
-        frf.frequency_hz,
-        frf.response[0][chosen],
-        np.where(known, variance, np.inf)[chosen],
-        period,
-        "none" if period is None else "zoh",
+        remarks=tuple(text for block, fit in zip(blocks, fits, strict=True) for text in _remarks(block, fit, asked)),
     )
 
 
@@ -188,52 +131,6 @@ def _transfers(blocks: Sequence[Block], fits: Sequence[RationalFit], ports: Resp
     )
 
 
-def held(frequency_hz: FloatArray, ports: ResponsePorts) -> ComplexArray:
-    """What a hold adds to the models (n_freq,); one where they have it, or there is none."""
-    if ports.hold == "none":
-        return np.ones(frequency_hz.size, complex)
-    return hold_factor(2 * np.pi * frequency_hz, 0.0, ports.sampling_period_s)
-
-
-def _shown(frf: Frf, blocks: Sequence[Block], fits: Sequence[RationalFit], ports: ResponsePorts) -> Shown:
-    hold = held(frf.frequency_hz, ports)[:, None]
-    found = [fit.response_at(frf.frequency_hz) for fit in fits]
-    flat = [each.response.reshape(len(hold), -1) * hold for each in found]
-    deviations = [np.hypot(each.real_std, each.imaginary_std).reshape(len(hold), -1) * np.abs(hold) for each in found]
-    rows, columns = (np.array(side) for side in zip(*(at for block in blocks for at in block.channels()), strict=True))
-    return Shown(
-        frequency_hz=frf.frequency_hz,
-        measured=frf.known_response[0][:, rows, columns],
-        measured_std=np.sqrt(frf.element_variance()[0][:, rows, columns]),
-        model=np.concatenate(flat, axis=1),
-        model_std=np.concatenate(deviations, axis=1),
-    )
-
-
-def relative_errors(shown: Shown) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Relative errors (n_channel,), and what noise and parameters explain of them, over lines that noise leaves."""
-    size = np.abs(shown.measured)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        told = shown.known & (size > 0) & (shown.measured_std < _LOUD * size)
-        told = np.where(told.any(axis=0), told, shown.known & (size > 0))
-        parts = np.abs(shown.measured - shown.model), shown.measured_std, shown.model_std
-        ratios = [np.where(told, part / size, np.nan) for part in parts]
-    error, noise, parameters = (np.sqrt(np.nanmean(ratio**2, axis=0)) for ratio in ratios)
-    return error, noise, parameters
-
-
-def _quality(fits: Sequence[RationalFit], shown: Shown) -> RationalQuality:
-    error, noise, _ = relative_errors(shown)
-    return RationalQuality(
-        cost=np.array([fit.cost for fit in fits]),
-        degrees_of_freedom=np.array([fit.degrees_of_freedom for fit in fits]),
-        misfit_chance=np.array([fit.misfit_chance for fit in fits]),
-        widened=np.array([fit.widened for fit in fits]),
-        relative_error=error,
-        relative_noise=noise,
-    )
-
-
 def _tried(block: Block, fit: RationalFit) -> Iterator[TriedRational]:
     for index, one in enumerate(fit.tried):
         zeros = ", ".join(map(str, dict.fromkeys(one.zeros)))
@@ -242,65 +139,22 @@ def _tried(block: Block, fit: RationalFit) -> Iterator[TriedRational]:
         )
 
 
-def _rows(block: Block, fit: RationalFit, transfers: RationalTransfers, index: int, ports: ResponsePorts) -> list[Row]:
-    """Poles, gains, zeros and the delay; each element has errors of its own beside those of the poles."""
-    shared, alone = fit.spread.shared.shape[1], fit.spread.alone.shape
-    size = shared + alone[0] * alone[1]
-
-    def placed(moves: ComplexArray | FloatArray, element: int) -> ComplexArray | FloatArray:
-        whole = np.zeros(size, moves.dtype)
-        whole[: min(shared, moves.size)] = moves[:shared]
-        begin = shared + element * alone[1]
-        whole[begin : begin + moves.size - shared] = moves[shared:]
-        return whole
-
-    discrete, period = fit.time == "discrete", fit.sampling_period_s or 0.0
-    rows = _root_rows(block.name, "pole", [(root, placed(root.moves, 0)) for root in fit.poles], discrete, period)
-    channels = np.flatnonzero(transfers.block_of == index)
-    for element, (channel, place) in enumerate(zip(channels.tolist(), np.ndindex(fit.gain.shape), strict=True)):
-        name, gain = transfers.names[channel], float(fit.gain[place])
-        unit = gain_unit(
-            ports.output_units[transfers.outputs[channel]],
-            ports.input_units[transfers.inputs[channel]],
-            fit.integrators,
+def _remarks(block: Block, fit: RationalFit, asked: ResponseFitOptions) -> Iterator[str]:
+    if fit.missing_zeros:
+        least = asked.relative_degree - fit.missing_zeros
+        yield (
+            f"{block.name}: the response rises as improper functions do: `relative_degree: {least}` has more evidence"
+            f" than {fit.missing_zeros} of the poles, which lie beyond all lines and stand for zeros."
         )
-        slope = gain_moves(fit.spread, element)[1]
-        size_now = float(np.linalg.norm(slope))
-        slope = slope * (float(fit.gain_std[place]) / size_now if size_now > 0 else 0.0)
-        kind = "gain_per_second" if fit.integrators else "gain"
-        rows.append(Row(f"{name}.{kind}", kind, unit, gain, abs(gain), np.asarray(placed(slope, element))))
-        zeros = fit.zeros[place[0]][place[1]]
-        rows += _root_rows(name, "zero", [(root, placed(root.moves, element)) for root in zeros], discrete, period)
-    if fit.delay_std_s > 0:
-        own = np.zeros(size)
-        own[:shared] = fit.covariance_root[-1][:shared] if fit.covariance_root.shape[1] >= shared else 0.0
-        scale = max(fit.delay_s, period, fit.delay_std_s)
-        rows.append(Row(f"{block.name}.delay", "delay", "s", fit.delay_s, scale, own))
-    return rows
-
-
-def _root_rows(
-    name: str, kind: str, roots: Sequence[tuple[Root, ComplexArray | FloatArray]], discrete: bool, period: float
-) -> list[Row]:
-    rows: list[Row] = []
-    upper = [(root, moves) for root, moves in roots if root.place.imag >= 0]
-    for number, (root, moves) in enumerate(upper, start=1):
-        place, moved = root.place, np.asarray(moves, complex)
-        if discrete:
-            # z = exp(s T): ds = dz / (z T).
-            moved, place = moved / (place * period), complex(np.log(place + 0j)) / period
-        is_real = abs(place.imag) <= 1e-12 * abs(place)
-        rows += root_rows(
-            f"{name}.{kind}{number}", kind, complex(place.real, 0.0) if is_real else place, moved, is_real=is_real
-        )
-    return rows
-
-
-def _remarks(block: Block, fit: RationalFit) -> Iterator[str]:
     if fit.integrators:
         count = "an integrator" if fit.integrators == 1 else f"{fit.integrators} integrators"
         yield f"{block.name}: the slowest poles are {count}; no line is low enough to tell them from zero."
-    if not fit.is_stable:
+    if fit.poles and fit.time == "continuous" and all(root.place.real > 0 for root in fit.poles):
+        yield (
+            f"{block.name}: all poles are in the right half plane, as a stable plant has them whose phase has the wrong"
+            " sign."
+        )
+    elif not fit.is_stable:
         yield f"{block.name}: a pole is in the right half plane; a measured response does not tell whether that is so."
     if fit.widened > 1:
         told = f"{fit.cost / max(fit.degrees_of_freedom, 1):.3g} times what its deviations explain"

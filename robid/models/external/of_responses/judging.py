@@ -12,8 +12,11 @@ from robid.frf.frf import Frf
 from robid.models.conclusions import graded_alone, outcome_of
 from robid.models.external.fit.options import ExternalOptions
 from robid.models.external.judge.plausible import MODEL_ERROR, NRMSE_LIMIT
-from robid.models.external.of_responses.fitting import held, relative_errors
+from robid.models.external.of_responses.agreement import held, relative_errors
+from robid.models.external.of_responses.fitting import options_of
 from robid.models.external.of_responses.solution import RationalSolution, RationalValidation, Shown
+from robid.models.external.response.data import MeasuredResponse, ResponseHold
+from robid.models.external.response.fitting import fit_response
 from robid.results.finding import Finding, two_digits
 from robid.results.grade import Grade
 
@@ -29,6 +32,7 @@ def findings_of(solution: RationalSolution, options: ExternalOptions) -> tuple[F
         *_errors(solution, quality.relative_error, np.hypot(quality.relative_noise, MODEL_ERROR), "the fit's own data")
     ]
     found += _orders(solution, options)
+    found += _conjugates(solution, options)
     return tuple(sorted(found, key=lambda finding: (not finding.decisive, -finding.strength)))
 
 
@@ -61,6 +65,33 @@ def _orders(solution: RationalSolution, options: ExternalOptions) -> Iterator[Fi
         if at_most and solution.quality.widened[index] > 1:
             told = f"{name} has as many poles as were tried, {options.max_poles}, and a misfit: raise `max_poles`"
             yield Finding("model", told, decisive=False, strength=float(solution.quality.widened[index]))
+
+
+_BETTER = 10.0  # Times the misfit of a response over that of its conjugate, from which it is taken for one
+_EXPLAINED = 2.0  # Times what deviations explain, up to which a conjugate counts as explained
+
+
+def _conjugates(solution: RationalSolution, options: ExternalOptions) -> Iterator[Finding]:
+    """Responses that are explained badly, and their conjugates well: their phases have the wrong sign."""
+    shown, quality, period = solution.shown, solution.quality, solution.ports.sampling_period_s or None
+    for block, name in enumerate(solution.transfers.blocks):
+        if not quality.widened[block] > 1:
+            continue
+        own = solution.transfers.block_of == block
+        variance = np.where(shown.known & (shown.measured_std > 0), shown.measured_std, np.inf)[:, own, None] ** 2
+        measured = np.where(np.isfinite(variance), shown.measured.conj()[:, own, None], 0.0)
+        hold: ResponseHold = "none" if period is None else "zoh"
+        turned = fit_response(
+            MeasuredResponse(shown.frequency_hz, measured, variance, period, hold), options_of(options, period)
+        )
+        misfit = turned.cost / max(turned.degrees_of_freedom, 1)
+        ratio = float(quality.cost[block]) / max(int(quality.degrees_of_freedom[block]), 1) / misfit
+        if misfit < _EXPLAINED and ratio > _BETTER:
+            told = (
+                f"{name}: the conjugate of the response is explained {two_digits(ratio)} times better: its phase has"
+                " the wrong sign, so negate it, or its imaginary part"
+            )
+            yield Finding("units", told, decisive=True, strength=ratio)
 
 
 def validate_rational(solution: RationalSolution, frf: Frf, findings: Sequence[Finding] = ()) -> RationalValidation:
@@ -124,6 +155,9 @@ def _mistaken(solution: RationalSolution, shown: Shown, error: FloatArray) -> It
                 yield Finding("angle_sign", f"{name} has the opposite sign of the fit's response", True, strength)
             elif known:
                 yield Finding("units", told, decisive=True, strength=strength)
+        if np.nanmedian(np.abs(ratio - model.conj() / model)) < LIMIT:
+            told = f"{name} is the conjugate of what the fit's response says: the phase of one has the wrong sign"
+            yield Finding("units", told, decisive=True, strength=strength)
         for factor, words in ((2 * np.pi, "Hz were read as rad/s"), (1 / (2 * np.pi), "rad/s were read as Hz")):
             # Of the lines of one, those that the fit has where the other's are.
             moved = shown.frequency_hz * factor

@@ -12,6 +12,7 @@ Source:
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -73,36 +74,55 @@ class Columns:
     """Columns `w p_k` on lines s = j x, orthonormal within each parity.
 
     On the imaginary axis an even polynomial is real and an odd one imaginary. Columns are kept without that factor j:
-    `w p_k = V_k` for even and `j V_k` for odd k, so that real arithmetic is enough and even and odd never meet.
+    `w p_k = V_k` for even and `j V_k` for odd k, so that real arithmetic is enough and even and odd never meet. Of
+    complex rows the even ones see the real parts and the odd ones the imaginary parts, see `parted`.
     """
 
-    even: FloatArray  # (n_weight, degree // 2 + 1, n_freq) V_0, V_2, ..
-    odd: FloatArray  # (n_weight, (degree + 1) // 2, n_freq) V_1, V_3, ..
+    parts: (
+        FloatArray  # (n_weight, 2, degree // 2 + 1, n_freq) V_0, V_2, ..; V_1, V_3, .., zeros last for an even degree
+    )
+    degree: int
+
+    @property
+    def even(self) -> FloatArray:
+        """V_0, V_2, .. (n_weight, degree // 2 + 1, n_freq)."""
+        return self.parts[:, 0]
+
+    @property
+    def odd(self) -> FloatArray:
+        """V_1, V_3, .. (n_weight, (degree + 1) // 2, n_freq)."""
+        return self.parts[:, 1, : (self.degree + 1) // 2]
 
     def limit(self, degrees: IntArray) -> None:
         """Makes columns beyond each weight's degree (n_weight,) zero."""
-        self.even[2 * np.arange(self.even.shape[1]) > degrees[:, None]] = 0.0
-        self.odd[2 * np.arange(self.odd.shape[1]) + 1 > degrees[:, None]] = 0.0
+        powers = np.arange(2)[:, None] + 2 * np.arange(self.parts.shape[2])
+        self.parts[powers > degrees[:, None, None]] = 0.0
 
-    def along(self, rows: ComplexArray) -> FloatArray:
-        """Returns the inner products (n_weight, n_row, degree + 1) of rows (n_weight, n_row, n_freq) with columns."""
-        found = np.empty((*rows.shape[:2], self.even.shape[1] + self.odd.shape[1]))
-        found[..., ::2] = rows.real @ self.even.transpose(0, 2, 1)
-        found[..., 1::2] = rows.imag @ self.odd.transpose(0, 2, 1)
-        return found
+    def along(self, parts: FloatArray) -> FloatArray:
+        """Returns the inner products (n_weight, 2, n_row, degree // 2 + 1) of parted rows with columns."""
+        return np.asarray(parts @ self.parts.swapaxes(-1, -2))
 
-    def combine(self, coefficients: FloatArray) -> ComplexArray:
-        """Returns the sums (n_weight, n_row, n_freq) of columns with coefficients (n_weight, n_row, degree + 1)."""
-        found = np.empty((*coefficients.shape[:2], self.even.shape[2]), dtype=complex)
-        found.real = np.ascontiguousarray(coefficients[..., ::2]) @ self.even
-        found.imag = np.ascontiguousarray(coefficients[..., 1::2]) @ self.odd
-        return found
+    def combine(self, products: FloatArray) -> FloatArray:
+        """Returns the sums, parted, of columns with coefficients as `along` returns them."""
+        return np.asarray(products @ self.parts)
+
+    def ordered(self, products: FloatArray) -> FloatArray:
+        """Returns what `along` returns by degree (n_weight, n_row, degree + 1)."""
+        mixed = products.transpose(0, 2, 3, 1)
+        return mixed.reshape(*mixed.shape[:2], -1)[..., : self.degree + 1]
 
     def one(self, weight: int) -> ComplexArray:
         """Returns all columns (degree + 1, n_freq) of one weight, factors j included."""
-        found = np.empty((self.even.shape[1] + self.odd.shape[1], self.even.shape[2]), dtype=complex)
+        found = np.empty((self.degree + 1, self.parts.shape[3]), dtype=complex)
         found[::2], found[1::2] = self.even[weight], 1j * self.odd[weight]
         return found
+
+
+def parted(rows: ComplexArray) -> FloatArray:
+    """Returns real and imaginary parts (n_weight, 2, n_row, n_freq) of rows (n_weight, n_row, n_freq)."""
+    found = np.empty((rows.shape[0], 2, *rows.shape[1:]))
+    found[:, 0], found[:, 1] = rows.real, rows.imag
+    return found
 
 
 def orthogonalise(weights: FloatArray, x: FloatArray, degree: int) -> tuple[Columns, Polynomials]:
@@ -116,10 +136,21 @@ def orthogonalise(weights: FloatArray, x: FloatArray, degree: int) -> tuple[Colu
         degree: Of the last polynomial.
     """
     n_weight, n_freq = weights.shape
-    halves = np.empty((n_weight, degree // 2 + 1, n_freq)), np.empty((n_weight, (degree + 1) // 2, n_freq))
-    h = np.empty((n_weight, degree))
+    parts = np.empty((n_weight, 2, degree // 2 + 1, n_freq))
+    if degree % 2 == 0:
+        parts[:, 1, -1] = 0.0
+    if n_weight == 1:
+        first, h = _recur_alone(weights[0], x, degree, parts[0])
+    else:
+        first, h = _recur(weights, x, degree, parts)
+    return Columns(parts, degree), Polynomials(first, h)
+
+
+def _recur(weights: FloatArray, x: FloatArray, degree: int, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Fills in the columns; returns the constants p_0 (n_weight,) and the recurrence (n_weight, degree)."""
+    h = np.empty((len(weights), degree))
     first = 1 / np.maximum(np.sqrt(np.einsum("ef,ef->e", weights, weights)), _TINY)
-    last = np.multiply(weights, first[:, None], out=halves[0][:, 0])
+    last = np.multiply(weights, first[:, None], out=parts[:, 0, 0])
     before = last
     turned = (x, -x)
     for k in range(degree):
@@ -129,5 +160,22 @@ def orthogonalise(weights: FloatArray, x: FloatArray, degree: int) -> tuple[Colu
             v += h[:, k - 1, None] * before
         size = np.maximum(np.sqrt(np.einsum("ef,ef->e", v, v)), _TINY)
         h[:, k] = size
-        before, last = last, np.divide(v, size[:, None], out=halves[(k + 1) % 2][:, (k + 1) // 2])
-    return Columns(*halves), Polynomials(first, h)
+        before, last = last, np.divide(v, size[:, None], out=parts[:, (k + 1) % 2, (k + 1) // 2])
+    return first, h
+
+
+def _recur_alone(weight: FloatArray, x: FloatArray, degree: int, parts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The same for one weight (n_freq,): one row a step costs little more than calling for it."""
+    h = np.empty((1, degree))
+    first = 1 / max(math.sqrt(weight.dot(weight)), _TINY)
+    before = last = np.multiply(weight, first, out=parts[0, 0])
+    turned, size = (x, -x), 0.0
+    for k in range(degree):
+        v = np.multiply(turned[k % 2], last, out=parts[(k + 1) % 2, (k + 1) // 2])
+        if k:
+            v += size * before
+        size = max(math.sqrt(v.dot(v)), _TINY)
+        v /= size
+        h[0, k] = size
+        before, last = last, v
+    return np.array([first]), h

@@ -55,20 +55,21 @@ class Denominator:
 
     def evaluate(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Computes the denominator (n_freq,) and its logarithmic derivatives (n_moving, n_freq) by the coefficients."""
-        whole = s**self.integrators if self.integrators else np.ones(len(s), dtype=complex)
-        slopes = np.empty((self.n_moving, len(s)), dtype=complex)
         n_pair = self.n_moving // 2
-        for index in range(n_pair):
-            w, u, v = self.sizes[index], self.coefficients[2 * index], self.coefficients[2 * index + 1]
-            factor = s * (s + w * u) + w**2 * v
-            slopes[2 * index + 1] = w**2 / factor
-            slopes[2 * index] = s * (slopes[2 * index + 1] / w)
-            whole = whole * factor
+        factors = np.empty((len(self.sizes), len(s)), dtype=complex)
+        slopes = np.empty((self.n_moving, len(s)), dtype=complex)
+        w, own = self.sizes[:n_pair, None], self.coefficients[: 2 * n_pair].reshape(n_pair, 2, 1)
+        constant = w * w
+        np.multiply(s, s + w * own[:, 0], out=factors[:n_pair])
+        factors[:n_pair] += constant * own[:, 1]
+        pairs = slopes[: 2 * n_pair].reshape(n_pair, 2, len(s))
+        np.divide(constant, factors[:n_pair], out=pairs[:, 1])
+        np.multiply(s / w, pairs[:, 1], out=pairs[:, 0])
         if self.n_moving % 2:
-            factor = s + self.sizes[-1] * self.coefficients[-1]
-            slopes[-1] = self.sizes[-1] / factor
-            whole = whole * factor
-        return whole, slopes
+            np.add(s, self.sizes[-1] * self.coefficients[-1], out=factors[-1])
+            np.divide(self.sizes[-1], factors[-1], out=slopes[-1])
+        whole = np.multiply.reduce(factors, axis=0)
+        return (whole * s**self.integrators if self.integrators else whole), slopes
 
 
 def _roots_of(factor: FloatArray) -> ComplexArray:

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.models.external.response.basis import parted
 from robid.models.external.response.denominator import Denominator, denominator_of
 from robid.models.external.response.lines import Lines
 from robid.models.external.response.residual import Degrees, State, as_real, derivatives, evaluate, project
@@ -22,17 +23,18 @@ class _Walk:
 
     def __init__(self, lines: Lines, start: State, *, delayed: bool) -> None:
         self.lines, self.start, self.delayed, self.here, self.best = lines, start, delayed, start, start
+        self.parameters = start.parameters if delayed else start.denominator.coefficients
 
     def at(self, parameters: FloatArray) -> State:
         """The state at the parameters."""
-        n_moving = self.start.denominator.n_moving
-        delay = float(parameters[-1]) if self.delayed else self.start.delay
-        own = self.here.denominator.coefficients
-        if delay != self.here.delay or not np.array_equal(own, parameters[:n_moving]):
-            denominator = replace(self.start.denominator, coefficients=parameters[:n_moving].copy())
+        if parameters is not self.parameters and not np.array_equal(parameters, self.parameters):
+            first, n_moving = self.start.denominator, self.start.denominator.n_moving
+            delay = float(parameters[-1]) if self.delayed else self.start.delay
+            denominator = Denominator(first.integrators, first.sizes, parameters[:n_moving])
             self.here = evaluate(self.lines, denominator, delay, self.start.degrees)
             if self.here.cost < self.best.cost:
                 self.best = self.here
+        self.parameters = parameters
         return self.here
 
     def cost(self, parameters: FloatArray) -> float:
@@ -47,7 +49,7 @@ class _Walk:
 def normal_of(state: State, lines: Lines, *, delayed: bool) -> Normal:
     """Builds the Gauss-Newton model of the cost, numerators eliminated."""
     J = as_real(project(state, derivatives(state, lines.turn if delayed else None)))
-    r = as_real(state.residual[:, None])[0]
+    r = as_real(parted(state.residual[:, None]))[0]
     return Normal(state.cost, J @ r, J @ J.T)
 
 

@@ -10,6 +10,7 @@ from robid.models.external.response.choice import Candidate, choose, most_poles
 from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.descent import polish
 from robid.models.external.response.evidence import make_evidence, misfit_of, n_parameter, scale_of
+from robid.models.external.response.improper import missing_zeros
 from robid.models.external.response.lines import Lines, make_lines
 from robid.models.external.response.options import ResponseFitOptions
 from robid.models.external.response.powers import coefficients_of
@@ -93,6 +94,7 @@ def make_result(
         lines=lines,
         spread=spread,
         alternatives=_alternatives(lines, candidates, scale),
+        missing_zeros=missing_zeros(lines, state, options, candidates[0].longest),
     )
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
-from robid.models.external.response.basis import Columns, Polynomials, orthogonalise
+from robid.models.external.response.basis import Columns, Polynomials, orthogonalise, parted
 from robid.models.external.response.denominator import Denominator
 from robid.models.external.response.lines import Lines
 
@@ -52,7 +52,7 @@ def evaluate(lines: Lines, denominator: Denominator, delay: float, degrees: Degr
     """Finds the best numerators of given degrees."""
     A, slopes = denominator.evaluate(1j * lines.x)
     size = np.maximum(np.abs(A), 1e-150)
-    phase = (A / size * np.exp(1j * lines.turn * delay))[None]
+    phase = (A / size * np.exp(1j * lines.turn * delay) if delay else A / size)[None]
     weights = lines.weights / size
     if lines.time == "discrete":
         factors = np.stack([lines.fixed_factor(denominator.n_pole - degree) for degree in degrees])
@@ -61,11 +61,13 @@ def evaluate(lines: Lines, denominator: Denominator, delay: float, degrees: Degr
     V, polynomials = orthogonalise(weights, lines.x, max(degrees))
     if min(degrees) < max(degrees):
         V.limit(np.array(degrees))
-    c = V.along(turned[:, None])
-    model = V.combine(c)[:, 0]
+    c = V.along(parted(turned[:, None]))
+    parts = V.combine(c)[:, :, 0]
+    model = parts[:, 0] + 1j * parts[:, 1]
     residual = turned - model
     cost = float(np.vdot(residual, residual).real)
-    return State(denominator, delay, degrees, polynomials, V, c[:, 0], model, residual, slopes, phase, cost)
+    c = V.ordered(c)[:, 0]
+    return State(denominator, delay, degrees, polynomials, V, c, model, residual, slopes, phase, cost)
 
 
 def derivatives(state: State, turn: FloatArray | None) -> ComplexArray:
@@ -79,12 +81,13 @@ def derivatives(state: State, turn: FloatArray | None) -> ComplexArray:
     return np.asarray(state.model[:, None, :] * rows)
 
 
-def project(state: State, rows: ComplexArray) -> ComplexArray:
-    """Takes out of rows (n_element, n_row, n_freq) what the numerators can follow."""
-    return np.asarray(rows - state.columns.combine(state.columns.along(rows)))
+def project(state: State, rows: ComplexArray) -> FloatArray:
+    """Takes out of rows (n_element, n_row, n_freq) what the numerators can follow; parted (n_element, 2, ..)."""
+    parts = parted(rows)
+    parts -= state.columns.combine(state.columns.along(parts))
+    return parts
 
 
-def as_real(rows: ComplexArray) -> FloatArray:
-    """Stacks rows (n_element, n_row, n_freq) of all elements as real ones (n_row, n_element * 2 n_freq)."""
-    whole = np.ascontiguousarray(rows.transpose(1, 0, 2)).reshape(rows.shape[1], -1)
-    return whole.view(float)
+def as_real(parts: FloatArray) -> FloatArray:
+    """Stacks parted rows (n_element, 2, n_row, n_freq) as rows (n_row, n_element * 2 n_freq)."""
+    return parts.transpose(2, 0, 1, 3).reshape(parts.shape[2], -1)

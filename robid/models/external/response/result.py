@@ -65,6 +65,8 @@ class RationalFit:
     spread: Spread = field(repr=False)  # the model in its own basis, which keeps the digits that powers of s lose
     # other structures that the data do not exclude, each with its weight; what is left to one is the model's own
     alternatives: tuple[tuple[float, Spread], ...] = field(default=(), repr=False)
+    # zeros that the response asks for beyond what was allowed: poles beyond all lines stand for them
+    missing_zeros: int = 0
 
     @property
     def n_pole(self) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.models.external.response.basis import parted
 from robid.models.external.response.lines import Lines
 from robid.models.external.response.residual import State, as_real, derivatives, project
 
@@ -51,7 +52,7 @@ def find_spread(lines: Lines, state: State, *, delayed: bool, scale: float) -> S
         return Spread(state, delayed, np.zeros((1, 0)), np.zeros((*alone.shape, 0)), alone)
     J = derivatives(state, lines.turn if delayed else None)
     free = as_real(project(state, J))
-    K = state.columns.along(J).transpose(0, 2, 1)
+    K = state.columns.ordered(state.columns.along(parted(J))).transpose(0, 2, 1)
     root = _inverse_root(free) * deviation
     shared = np.zeros((n_moving + 1, root.shape[1]))
     shared[:n_moving] = root[:n_moving]

@@ -102,6 +102,21 @@ def misread_responses(frf, factor):
     return replace(frf, response=frf.response * factor)
 
 
+@pytest.mark.parametrize("inverse", [False, True])
+@pytest.mark.parametrize("rough", [0.6, 1.0, 1.6])
+def test_accelerations_of_both_sides_in_degrees_are_named_beside_or_before_the_other_side_of_a_gear(inverse, rough):
+    """A response without means: 57 times too small is also a torque of the arm's side of a gear of 120 or 100."""
+    outputs = (*NAMES, *(f"{name}.arm" for name in NAMES))
+    frf = exact_frf(robot(), CONFIGURATIONS, FREQUENCY_HZ, output_names=outputs)
+    sides = ["arm" if name.endswith(".arm") else "motor" for name in outputs]
+    channels = tuple(Channel(name, "acceleration", "rad/s^2", side) for name, side in zip(outputs, sides, strict=True))
+    frf = replace(frf, measured_channels=channels, output_channels=channels)
+    factor = SCALES["180/pi"] ** (-1 if inverse else 1)
+    found = first(misread_responses(frf, rough * factor))
+    assert Scale("acceleration", "180/pi", inverse) in found.scales
+    assert first(misread_responses(frf, rough)) is None
+
+
 def test_speeds_in_rpm_have_no_mean_that_tells_of_them():
     frf = exact()
     speeds = tuple(Channel(name, "speed", "rad/s") for name in NAMES)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
+from robid.frf.frf import NO_RECORD
 from robid.models.elastic.judge.friction import friction_remedy, with_friction_remedies
 from robid.results.finding import Finding
 
@@ -33,6 +34,13 @@ def test_enough_silent_lines_are_to_be_used_and_too_few_ask_for_a_longer_period(
 def test_where_no_line_says_more_another_fit_does(compensation):
     silent = np.arange(2, 60, 2) if compensation == "silent_lines" else []
     assert "{fit: NAME}" in friction_remedy(response(ODD, silent, compensation))
+
+
+def test_a_response_without_its_record_has_no_settings_for_friction():
+    told = friction_remedy(replace(response(ODD, []), notes=(NO_RECORD,)))
+    assert "silent_lines" not in told
+    assert "{fit: NAME}" not in told
+    assert "record" in told
 
 
 def test_only_friction_without_a_remedy_gets_one():

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from robid.models.external.response.basis import orthogonalise
+from robid.models.external.response.basis import orthogonalise, parted
 from robid.models.external.response.data import MeasuredResponse
 from robid.models.external.response.denominator import denominator_of
 from robid.models.external.response.descent import descend, normal_of
@@ -42,6 +42,27 @@ def test_columns_are_orthonormal_polynomials(damping):
         np.testing.assert_allclose(own @ own.T, np.eye(len(own)), atol=IDENTITY)
     values = polynomials.values(1j * X)
     np.testing.assert_allclose(values * weights, V.one(0), rtol=1e-7, atol=IDENTITY)
+
+
+@pytest.mark.parametrize("degree", [0, 1, 6, 13])
+def test_one_weight_alone_has_the_columns_that_it_has_beside_others(degree):
+    weights = np.random.default_rng(2).uniform(0.1, 3, (3, len(X)))
+    whole, polynomials = orthogonalise(weights, X, degree)
+    for index, weight in enumerate(weights):
+        alone, own = orthogonalise(weight[None], X, degree)
+        np.testing.assert_allclose(alone.one(0), whole.one(index), atol=IDENTITY)
+        np.testing.assert_allclose(own.recurrence[0], polynomials.recurrence[index], rtol=IDENTITY)
+
+
+def test_what_numerators_follow_leaves_rows_and_sums_of_columns_have_their_coefficients():
+    V, _ = orthogonalise(np.ones((2, len(X))), X, 6)
+    V.limit(np.array([6, 3]))
+    wanted = np.random.default_rng(3).normal(size=(2, 4, 7))
+    wanted[1, :, 4:] = 0.0
+    rows = np.stack([wanted[index] @ V.one(index) for index in range(2)])
+    # Rows have even columns in their real part and odd ones, j V, in the imaginary one.
+    np.testing.assert_allclose(V.ordered(V.along(parted(rows))), wanted, atol=IDENTITY)
+    np.testing.assert_allclose(V.combine(V.along(parted(rows))), parted(rows), atol=IDENTITY)
 
 
 def test_roots_are_those_of_the_sum():
