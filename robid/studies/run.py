@@ -23,6 +23,7 @@ from robid.report.page import ReportContent
 from robid.report.section import Section
 from robid.settings.load import LoadedExperiment
 from robid.settings.robot_parts import plain_settings
+from robid.studies.encoders.report import GEARS
 from robid.studies.experiments import Further
 from robid.studies.fleet.logs import LOGS, require_packages
 from robid.studies.fleet.reprocessed import SCHEDULER, SPEED, WHOLE
@@ -114,6 +115,7 @@ PROCEDURES: Mapping[str, Procedure] = {
         cutoffs.further,
     ),
     "responses": joined((RANDOM_RESPONSES,), "transfer functions come back from their responses", lambda _loaded: None),
+    "encoders": joined((GEARS,), "two encoders tell what a gear is", lambda _loaded: None),
     "fleet": joined(
         (LOGS, WHOLE, SPEED, SCHEDULER), "faults are found in a large fleet, and cores are used", require_packages
     ),

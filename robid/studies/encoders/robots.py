@@ -1,4 +1,4 @@
-"""Simulated robots with encoders on both sides of their gears: what is drawn of each, and the records of its motions."""
+"""Simulated robots with encoders on both sides of their gears: what is drawn of each, and their records."""
 
 from __future__ import annotations
 
@@ -55,6 +55,7 @@ def drawn_options(one: Individual) -> SimulateOptions:
         gear_error_phase_rad=float(rng.uniform(-np.pi, np.pi)),
         link_encoder_eccentricity_rad=between(drawn.eccentricity_rad),
         link_encoder_eccentricity_phase_rad=float(rng.uniform(-np.pi, np.pi)),
+        backlash_rad=one.study.worn_rad if one.defect == "doubled" else one.flaws.backlash_rad,
         link_encoder_play_rad=one.study.loose_rad if one.defect == "loose" else 0.0,
     )
     names = [joint.name for joint in one.file.joints]

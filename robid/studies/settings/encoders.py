@@ -7,7 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from robid.settings.base import Name, Section
-from robid.studies.experiments import Count, Whole, entry
+from robid.settings.experiment import Experiment
+from robid.settings.robot import RobotFile
+from robid.settings.robot_sections import SpringSection
+from robid.studies.experiments import Count, Problems, Whole, entry
 
 Range = tuple[float, float]
 Share = Annotated[float, Field(ge=0)]
@@ -44,6 +47,22 @@ class EncodersStudy(Section):
     further: Whole = entry("Sound robots beside these in the fleet.", 10)
     doubled: Whole = entry("Robots of the fleet with a gear of twice the lost motion.", 30)
     defective: Whole = entry("Robots with each defect that is on no list.", 10)
+    worn_rad: Annotated[float, Field(gt=0)] = entry("Backlash that doubles the lost motion of a gear [rad].", 7.5e-5)
+    hinge: SpringSection | None = entry("Compliance behind the link encoder, as in `truth.springs`.", None)
     loose_rad: Annotated[float, Field(gt=0)] = entry("Play of a loose encoder coupling [rad].", 1.5e-4)
     seeds: dict[Literal["judge", "choose"], Whole] = entry("First seeds: everything is chosen with `choose`.")
     use: Literal["judge", "choose"] = entry("Which of them are used.", "judge")
+
+
+def check_encoders(study: EncodersStudy, experiment: Experiment, _robot: RobotFile | None) -> Problems:
+    """Yields the field and the message of everything that is wrong with a study of gears with two encoders."""
+    campaign, fit = experiment.campaigns.get(study.campaign), experiment.fits.get(study.fit)
+    if campaign is None or campaign.source is None or campaign.source.simulate is None:
+        yield ("study", "campaign"), f"S655 there is no simulated campaign `{study.campaign}`"
+    elif campaign.configurations is None or campaign.configurations.list_deg is None:
+        yield (
+            ("study", "campaign"),
+            f"S656 the motions begin in the configuration of `{study.campaign}`: give `list_deg`",
+        )
+    if fit is None or fit.family != "transmission":
+        yield ("study", "fit"), f"S657 there is no fit `{study.fit}` of family `transmission`"

@@ -26,6 +26,7 @@ from robid.settings.yaml import FieldPath
 from robid.studies.experiments import Count, Positive, Problems, Whole, campaign_problem, entry, name_problems, unknown
 from robid.studies.settings import parts
 from robid.studies.settings.defects import MistakesStudy, check_mistakes
+from robid.studies.settings.encoders import EncodersStudy, check_encoders
 from robid.studies.settings.responses import ResponsesStudy
 from robid.studies.settings.rough import RoughStudy, check_rough
 from robid.studies.settings.trust import TrustStudy, check_trust
@@ -345,6 +346,7 @@ Study: TypeAlias = Annotated[
     | parts.TurkStudy
     | TrustStudy
     | RoughStudy
+    | EncodersStudy
     | FleetStudy,
     Field(discriminator="kind"),
 ]
@@ -360,6 +362,7 @@ _CHECKS: Mapping[str, Callable[[Any, Experiment, RobotFile | None], Problems]] =
     "turk2018": parts.check_turk2018,
     "trust": check_trust,
     "rough": check_rough,
+    "encoders": check_encoders,
     "fleet": check_fleet,
     "responses": lambda _study, _experiment, _robot: iter(()),
 }

@@ -103,7 +103,8 @@ def _predicted(
 ) -> tuple[FloatArray, FloatArray, FloatArray, float, float, float]:
     """Measured and predicted differences and the gear's part (n_row,), and the stiffness by these motions alone.
 
-    Last comes the error that the parameters' covariance lets expect, root mean square. Only what a motion begins with is its own: the state of the hysteresis.
+    Last comes the error that the parameters' covariance lets expect, root mean square. Only what a motion begins with
+    is its own: the state of the hysteresis.
     """
     known = dict(zip(solution.own_names, solution.values[column].tolist(), strict=True))
     value = np.array([0.0 if name.startswith(("start_", "doubt_")) else known.get(name, 0.0) for name in model.names])
