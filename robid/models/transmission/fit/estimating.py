@@ -15,7 +15,7 @@ _STEPS = 40
 _HALVINGS = 8
 _SMALL = 1e-3  # deviations
 _LEAST = 1e-9  # rad: what no encoder shows
-_BETWEEN = 0.3  # of the assumed model error, between motions of one robot
+_BETWEEN = 0.25  # of the assumed model error, between motions of one robot
 _POSITIVE = ("stiffening", "slip", "backlash")
 _SLIP = 0.03  # of the largest torque: where hysteresis begins
 
@@ -60,7 +60,10 @@ def estimate_gear(model: GearModel) -> GearEstimate:
 def _step(
     model: GearModel, value: FloatArray, information: FloatArray, slope: FloatArray, free: BoolArray
 ) -> FloatArray:
-    """Gauss-Newton step (n_param,) that keeps stiffening, slip torque and backlash positive: the others follow what is at zero."""
+    """Gauss-Newton step (n_param,) that keeps stiffening, slip torque and backlash positive.
+
+    What is at zero stays there, and the others follow.
+    """
     moved = np.zeros(len(value))
     places, fixed = np.flatnonzero(free), np.zeros(int(free.sum()), bool)
     positive = [model.place(name) for name in _POSITIVE]

@@ -38,7 +38,7 @@ class PriorOptions:
         0.3, "Of the share of hysteresis that builds up over twice the deflection, and not over half of it.", ge=0
     )
     model_error: float = option(
-        0.01, "Of what a gear does beside its law, over the size of its deflection along a motion.", ge=0
+        0.0125, "Of what a gear does beside its law, over the size of its deflection along a motion.", ge=0
     )
     eccentricity_rad: float = option(1e-4, "Of the amplitude of errors with periods per turn of the arm [rad].", ge=0)
     transmission_error_rad: float = option(

@@ -130,6 +130,9 @@ def _curves(model: GearModel, found: GearEstimate) -> dict[str, tuple[float, Flo
         moved[place] += _STEP * std[place]
         variants.append(moved)
     laws = [model.law(each) for each in variants]
+    # A share of hysteresis may build up over twice the deflection instead of half of it.
+    base, shape = laws[0], model.place("shape")
+    laws += [replace(base, reach=2 * base.reach), replace(base, reach=0.5 * base.reach)]
     fields = ("stiffness", "stiffening", "slip", "reach", "backlash")
     joined = GearLaw(*(np.concatenate([getattr(law, name) for law in laws]) for name in fields))
     loop = data_sheet_loop(joined, model.data.rated, model.band)
@@ -142,7 +145,8 @@ def _curves(model: GearModel, found: GearEstimate) -> dict[str, tuple[float, Flo
     result: dict[str, tuple[float, FloatArray]] = {}
     for name, values in every.items():
         moves = np.zeros(len(model.names))
-        moves[places] = (values[1:] - values[0]) / (_STEP * std[places])
+        moves[places] = (values[1 : 1 + len(places)] - values[0]) / (_STEP * std[places])
+        moves[shape] = 0.5 * (values[-2] - values[-1])
         result[name] = (float(values[0]), moves)
     return result
 
