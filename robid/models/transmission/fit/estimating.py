@@ -27,7 +27,7 @@ class GearEstimate:
     value: FloatArray  # (n_param,)
     covariance: FloatArray  # (n_param, n_param) Of all, the doubts of what loads the gear with them
     effective: FloatArray  # (n_param, n_param) Of what this robot's motions would agree on: these doubts left out
-    measured: FloatArray  # (n_row,) Difference of the encoders, the lag made good [rad, or m]
+    measured: FloatArray  # (n_row,) Difference of the encoders, their lag taken out [rad, or m]
     model: FloatArray  # (n_row,)
     converged: bool
     motions: FloatArray  # (n_motion,) Logarithm of the stiffness that each motion gives by itself

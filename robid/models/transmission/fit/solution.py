@@ -29,7 +29,7 @@ class Rows:
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time since its motion began")]
     motion: Annotated[IntArray, Quantity("1", "row", "Index of the motion")]
     torque: Annotated[FloatArray, Quantity("N m, or N", "row gear", "Torque behind the gear", compact=True)]
-    measured: Annotated[FloatArray, Quantity("rad, or m", "row gear", "Encoders' difference, the lag made good")]
+    measured: Annotated[FloatArray, Quantity("rad, or m", "row gear", "Encoders' difference, their lag taken out")]
     model: Annotated[FloatArray, Quantity("rad, or m", "row gear", "The model's")]
     deflection: Annotated[FloatArray, Quantity("rad, or m", "row gear", "The part of it that the gear's law gives")]
 

@@ -35,7 +35,7 @@ class TransmissionValidation:
 
     outcome: Outcome
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time, motions after each other")]
-    measured: Annotated[FloatArray, Quantity("rad, or m", "row gear", "Encoders' difference, the lag made good")]
+    measured: Annotated[FloatArray, Quantity("rad, or m", "row gear", "Encoders' difference, their lag taken out")]
     model: Annotated[FloatArray, Quantity("rad, or m", "row gear", "The model's")]
     relative_error: Annotated[FloatArray, Quantity("1", "gear", "Error over the size of the deflection")]
     expected: Annotated[FloatArray, Quantity("1", "gear", "Error that parameters and residual let expect, as that")]

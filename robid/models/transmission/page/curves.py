@@ -62,7 +62,7 @@ def deflection_section(solution: TransmissionSolution, validation: TransmissionV
             options.append(
                 ((joint, "validation"), _figures(time_s, validation.measured[:, gear], validation.model[:, gear]))
             )
-    lead = "Difference of the encoders with the lag made good, and what the model says of it."
+    lead = "Difference of the encoders with their lag taken out, and what the model says of it."
     return Section("Deflections over time", lead, (Choices(("Joint", "Motion"), tuple(options)),), "deflections")
 
 
