@@ -1,4 +1,4 @@
-"""Motions of a two-joint arm with encoders on both sides, computed sample by sample without any of the package's laws."""
+"""Motions of a two-joint arm with encoders on both sides, computed sample by sample by laws of its own."""
 
 from __future__ import annotations
 
