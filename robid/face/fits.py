@@ -104,6 +104,7 @@ def fit_model(
     robots = [each for each in data if isinstance(each, RobotModel)]
     if robots:
         options.setdefault("delay_s", robots[0].delay_s)
+    options = {name: each.found if isinstance(each, Fit) else each for name, each in options.items()}
     responses = next((each for each in data if isinstance(each, Frf)), None)
     with in_words_of_python():
         return Fit(FITS[kind](*plain, validate_on=validate_on, **options), responses)

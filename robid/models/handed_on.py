@@ -1,4 +1,4 @@
-"""What fits hand on to others: motor friction, standard parameters, robots with the masses of a rigid fit.
+"""What fits hand on to others: motor friction, standard parameters, robots with the masses of a rigid fit, gears.
 
 Families never import each other: what is handed on is read from what every model has and from `rigid/standard`.
 """
@@ -15,6 +15,7 @@ from robid.artifacts.artifact import Artifact
 from robid.artifacts.results import estimate_from_artifact
 from robid.errors import DataError
 from robid.results.estimate import Estimate
+from robid.results.gears import KnownGear, known_gears
 from robid.robot.description import Inertial, Robot
 from robid.robot.inertia import about_origin
 from robid.robot.regressor.links import COMPONENTS
@@ -236,3 +237,21 @@ def _weights(estimate: Estimate, joint: str, kind: str, opposite: float = 1.0) -
     one_way = {f"{joint}.{kind}_forward": 0.5, f"{joint}.{kind}_backward": 0.5 * opposite}
     both = {} if opposite < 0 else {f"{joint}.{kind}": 1.0}
     return np.array([{**one_way, **both}.get(name, 0.0) for name in estimate.names])
+
+
+def gears_of(estimate: Estimate, fit: str, robot: Robot, torque_unit: str = "N m") -> dict[str, KnownGear]:
+    """Returns the gears of a robot that a fit has identified, by the name of their spring.
+
+    Raises:
+        DataError: If it has identified none of this robot, or torques are in a unit of their own.
+    """
+    if torque_unit != _NEWTON_METRES:
+        message = f"D652 fit `{fit}` knows gears in N m/rad, but the response has torques in {torque_unit}"
+        raise DataError(message, where=f"fits.{fit}", remedy="state the torque constants of the response's log")
+    names = {spring.name for spring in robot.springs if spring.place == "transmission"}
+    found = {name: gear for name, gear in known_gears(estimate).items() if name in names}
+    if not found:
+        message = f"D651 fit `{fit}` identified the stiffness of no gear of {robot.name}"
+        remedy = "record motions that load the gears (see its page), or leave out `springs_from`"
+        raise DataError(message, where=f"fits.{fit}", remedy=remedy)
+    return found

@@ -155,6 +155,9 @@ class Spring:
     outboard: Inertial | None = None  # Split only: mass properties of the part beyond the split, in the joint frame
     inertia_kgm2: float = 0.0  # Shaft only: inertia that it turns, before the next shaft or the transmission [kg m^2]
     stiffness_over: StiffnessLaw | None = None  # How its stiffness depends on a joint's position, if it does
+    # What is known of them beforehand where another fit has found them; None where only the robot file states them
+    stiffness_std: float | None = None  # Standard deviation of the logarithm of the stiffness
+    cubic_std: float | None = None  # Standard deviation of the cubic coefficient [N m/rad^3, or N/m^3]
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from robid.artifacts.artifact import Artifact
-from robid.artifacts.results import START, grade_from_artifact, outcome_from_artifact
+from robid.artifacts.results import START, estimate_from_artifact, grade_from_artifact, outcome_from_artifact
 from robid.errors import DataError
 from robid.models.elastic.files import model_of, solution_from_artifact, validation_from_artifact, validation_of
 from robid.models.elastic.fit.fitting import fit_elastic
+from robid.models.elastic.fit.known_gears import with_known_gears
 from robid.models.elastic.fit.nuisance.effects import MICRO, PerturbedRobot
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.nuisance.wording import options_of
@@ -26,7 +27,7 @@ from robid.models.elastic.judge.validating import validate_elastic
 from robid.models.elastic.kept_starts import count_ended, resuming_map
 from robid.models.elastic.settings import elastic_fit
 from robid.models.family import Data, Work
-from robid.models.handed_on import RigidSource, rigid_source
+from robid.models.handed_on import RigidSource, gears_of, rigid_source
 from robid.results.finding import blamed
 from robid.results.outcome import recovery_sentence
 from robid.results.plausible.findings import data_findings
@@ -154,11 +155,21 @@ def _campaign(data: Data) -> Campaign:
 
 
 def _robot(data: Data, campaign: Campaign) -> Robot:
-    """The robot that a fit starts from: the robot file's, its masses those of a rigid fit where it names one."""
+    """The robot that a fit starts from: the robot file's, masses and gears those of the fits that it names."""
     source = _source(data)
     file = data.loaded.robot
     robot = file.to_robot(campaign.payload_kg) if source is None else source.robot(payload_kg(campaign, file))
-    return with_estimated_springs(robot, elastic_fit(data.loaded.experiment, data.name).options())
+    return _with_springs(data, robot)
+
+
+def _with_springs(data: Data, robot: Robot) -> Robot:
+    """A robot with the gears that another fit has found, and with the springs that the fit adds to it."""
+    settings = elastic_fit(data.loaded.experiment, data.name)
+    if settings.springs_from is not None:
+        unit = data.response.input_unit
+        gears = gears_of(estimate_from_artifact(data.taken["gears"]), settings.springs_from, robot, unit)
+        robot = with_known_gears(robot, gears)
+    return with_estimated_springs(robot, settings.options())
 
 
 def nominal_robot(data: Data) -> Robot:
@@ -177,8 +188,7 @@ def _perturbed(data: Data, campaign: Campaign) -> tuple[PerturbedRobot, ...]:
     if source is None:
         return ()
     found = source.perturbed(payload_kg(campaign, data.loaded.robot))
-    options = elastic_fit(data.loaded.experiment, data.name).options()
-    return tuple(PerturbedRobot(with_estimated_springs(robot, options), deviations) for robot, deviations in found)
+    return tuple(PerturbedRobot(_with_springs(data, robot), deviations) for robot, deviations in found)
 
 
 def _counted(number: int, noun: str) -> str:

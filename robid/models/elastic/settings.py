@@ -27,11 +27,17 @@ class ElasticFit(FitSettings, ElasticOptions):
         description="Name of a fit of family `rigid` whose masses, inertias and viscous friction replace the "
         "robot file's. What that fit does not determine widens the intervals.",
     )
+    springs_from: Name | None = Field(
+        default=None,
+        description="Name of a fit of family `transmission` whose gears are known beforehand. The stiffness that it "
+        "identified, and a cubic coefficient, replace the robot file's with their physical intervals.",
+    )
 
     @property
     def takes(self) -> Mapping[HandedOn, str]:
         """Names of the fits that it takes something of, by what it takes."""
-        return {} if self.rigid is None else {"standard": self.rigid}
+        named: tuple[tuple[HandedOn, str | None], ...] = (("standard", self.rigid), ("gears", self.springs_from))
+        return {what: fit for what, fit in named if fit is not None}
 
     @property
     def designed_for(self) -> tuple[ElasticKind, ...]:

@@ -357,12 +357,15 @@ def set_up(
 def draw_starts(parameters: ParameterMap, options: ElasticOptions) -> list[FloatArray]:
     """Draws the starts (n_param,) of a fit: the robot file's values, then log-uniform within the stated decades.
 
-    A motor's inertia, which the robot file knows by itself, stays within what that leaves open.
+    A motor's inertia, which the robot file knows by itself, and gears that another fit has found stay within what that
+    leaves open.
     """
     generator = np.random.default_rng(options.seed)
     spread = np.log(10) * options.start_decades * parameters.logarithmic
-    rotors = np.array(parameters.kind_of) == "motor_inertia"
-    spread = np.where(rotors, np.minimum(spread, np.sqrt(3) * parameters.prior_std), spread)
+    kinds = np.array(parameters.kind_of)
+    found = (kinds == "stiffness") & (parameters.prior_std < np.log(10) * options.prior_decades)
+    known = found | (kinds == "motor_inertia")
+    spread = np.where(known, np.minimum(spread, np.sqrt(3) * parameters.prior_std), spread)
     random = spread * generator.uniform(-1, 1, (options.starts - 1, len(parameters.names)))
     return [np.zeros(len(parameters.names)), *np.clip(random, parameters.lower, parameters.upper)]
 

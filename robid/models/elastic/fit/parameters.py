@@ -58,6 +58,8 @@ class ParameterMap:
     # (n_param,) What the robot file says of each nuisance, to which its amount adds; zero for the others
     stated: FloatArray | None = None
     natural: FloatArray | None = None  # (n_param,) Amount from which each nuisance matters; one for the others
+    # Internal deviation of cubic coefficients that only the robot file states, from which they matter
+    cubic_std: float = np.inf
 
     @property
     def n_friction(self) -> int:
@@ -184,10 +186,11 @@ def map_parameters(
         kind_of=(*kind_of, *[FRICTION_KIND] * n_friction),
         units=(*(unit_of[name] for name in names), *map(coefficient_unit, friction_names)),
         logarithmic=np.array([PARAMETER_KINDS[kind].logarithmic for kind in kind_of] + [False] * n_friction, bool),
-        prior_std=np.concatenate([_prior_std(robot, options, names, kind_of), friction_std]),
+        prior_std=np.concatenate([_prior_std(robot, options, names, kind_of, scale_of), friction_std]),
         lower=-free_ends,
         upper=free_ends,
         friction_offset=np.zeros(n_friction) if friction_offset is None else friction_offset,
+        cubic_std=_cubic_std(options),
     )
     return _bounded(_sensible(found, estimated), options.bounds)
 
@@ -206,15 +209,26 @@ def _units_and_scales(
     return units, found
 
 
-def _prior_std(robot: Robot, options: ElasticOptions, names: list[str], kinds: list[str]) -> list[float]:
-    """What the robot file knows of each parameter, as the deviation of its internal value; infinite for nothing."""
-    decades = options.prior_decades
-    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * decades), NUISANCE_KIND: PRIOR_FACTOR}
+def _prior_std(
+    robot: Robot, options: ElasticOptions, names: list[str], kinds: list[str], scales: Mapping[str | None, float]
+) -> list[float]:
+    """What robot file and other fits know of each parameter: deviations of internal values; infinite for nothing."""
+    known = {**dict.fromkeys(LOGARITHMIC, np.log(10) * options.prior_decades), NUISANCE_KIND: PRIOR_FACTOR}
+    known["cubic"] = _cubic_std(options)
+    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
+    for spring in robot.springs:
+        if spring.stiffness_std is not None:
+            known[f"{spring.name}.stiffness"] = spring.stiffness_std
+        cubic = f"{spring.name}.cubic"
+        if spring.cubic_std is not None and cubic in scales:
+            known[cubic] = spring.cubic_std / scales[cubic]
+    return [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kinds, strict=True)]
+
+
+def _cubic_std(options: ElasticOptions) -> float:
     # At the motor's largest torque T the slope of a cubic gear, k1 + 3 k3 (T / k1)^2, is known to the same factor as
     # k1: in units of its scale, k1^3 / T^2, k3 is known to a third of that factor.
-    known["cubic"] = 10 ** min(decades, _MOST_DECADES) / 3
-    known |= {f"{joint.name}.motor_inertia": joint.motor.inertia_relative_std for joint in robot.joints}
-    return [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kinds, strict=True)]
+    return float(10 ** min(options.prior_decades, _MOST_DECADES) / 3)
 
 
 def _sensible(found: ParameterMap, estimated: Sequence[Nuisance]) -> ParameterMap:

@@ -285,14 +285,14 @@ def _predicted_relative(parameters: ParameterMap) -> FloatArray:
     natural = 1.0 if parameters.natural is None else parameters.natural
     size = np.where(friction | (nominal == 0), natural, np.abs(nominal))
     kinds = np.array(parameters.kind_of)
-    size = np.where(kinds == "cubic", parameters.scale * parameters.prior_std, size)
+    size = np.where(kinds == "cubic", parameters.scale * parameters.cubic_std, size)
     size = np.where(kinds == "location", parameters.scale, size)
     return np.asarray(np.abs(parameters.slopes(start)) / size)
 
 
 def _judged_relative(parameters: ParameterMap, internal: FloatArray) -> FloatArray:
     """As `_relative`, but what may be zero is related to its natural scale where that is larger."""
-    natural = parameters.scale * np.where(np.array(parameters.kind_of) == "cubic", parameters.prior_std, 1.0)
+    natural = parameters.scale * np.where(np.array(parameters.kind_of) == "cubic", parameters.cubic_std, 1.0)
     friction, kinds = np.array(parameters.kind_of) == "friction", np.array(parameters.kind_of)
     may_vanish = (parameters.nominal_values() == 0) | np.isin(kinds, ("cubic", "location"))
     size = np.maximum(np.abs(parameters.values(internal)), np.where(may_vanish, natural, 1e-300))

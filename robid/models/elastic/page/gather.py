@@ -25,6 +25,7 @@ from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
 from robid.models.elastic.page.fitted import FittedViews, fitted_views
 from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
+from robid.models.elastic.page.known import KnownGears, known_content
 from robid.models.elastic.page.middles import middle_sentence
 from robid.models.elastic.page.power import PowerRow, power_rows
 from robid.models.elastic.settings import elastic_fit
@@ -102,6 +103,7 @@ class FitContent:
     grade: Grade | None = None  # How far to trust it; None where that is unknown
     nuisance_rows: tuple[NuisanceRow, ...] = ()  # What the robot file may have wrong
     gears: tuple[GearRow, ...] = ()  # What gears alone may be
+    known: KnownGears = field(default_factory=KnownGears)  # What another fit knew of gears beforehand
     middles: tuple[MiddleRow, ...] = ()  # What moves the middles of intervals away from the estimates
     power: tuple[PowerRow, ...] = ()  # How large a defect the residual would have shown
     validation_campaign: str = ""  # Name of the validation campaign
@@ -213,6 +215,7 @@ def fit_content(shown: Shown) -> FitContent:
         model_error=solution.model_error,
         nuisance_rows=() if solution.doubts is None else nuisance_rows(solution.doubts, limits, estimate.confidence),
         gears=gear_rows(solution, frf.input_unit),
+        known=known_content(shown, estimate),
         middles=middle_rows(solution),
         power=power_rows(solution),
         grade=grade,

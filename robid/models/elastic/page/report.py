@@ -16,6 +16,7 @@ from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.fitted import Peak
 from robid.models.elastic.page.gather import FitContent, NuisanceRow, fit_content
 from robid.models.elastic.page.gears import gear_section
+from robid.models.elastic.page.known import known_section
 from robid.models.elastic.page.middles import middle_section
 from robid.models.elastic.page.modes import mode_section
 from robid.models.elastic.page.power import power_section, power_summary
@@ -91,6 +92,7 @@ def sections(fit: FitContent, told: tuple[str, ...] = (), signals: tuple[Signals
         _response(fit, told),
         *signal_section(signals),
         *parameter_section(fit.estimates, _conventions(fit)),
+        *known_section(fit.known),
         *gear_section(fit.gears, fit.estimates.level),
         *middle_section(fit.middles),
         *nuisance_section(fit.nuisance_rows, fit.estimates.level),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from robid.models.elastic.fit.nuisance.moves import missing_springs
@@ -64,6 +64,8 @@ def springs(robot: Robot) -> Iterator[Owner]:
     """The springs."""
     for index, spring in enumerate(robot.springs):
         priors = robot.nuisance_std if spring.place in ("base", "payload") else robot.joints[spring.joint].nuisance_std
+        if spring.stiffness_std is not None:
+            priors = replace(priors, stiffness_relative_std=spring.stiffness_std)
         yield Owner(spring.name, spring.name, priors, (index,), linear=robot.is_linear(spring))
 
 

@@ -1,0 +1,44 @@
+"""Gears as a fit with encoders on both of their sides found them, for fits that take them as known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import norm
+
+from robid.results.estimate import Estimate
+
+
+@dataclass(frozen=True)
+class KnownGear:
+    """A gear alone, without what lies in line with it. Of a gear that slides, N/m and m stand for N m/rad and rad."""
+
+    stiffness: float  # Stiffness without load, middle of its interval [N m/rad]
+    stiffness_std: float  # Standard deviation of its logarithm
+    cubic: float | None = None  # Cubic coefficient, None where it is not identified [N m/rad^3]
+    cubic_std: float = 0.0  # Its standard deviation [N m/rad^3]
+
+
+def known_gears(estimate: Estimate) -> dict[str, KnownGear]:
+    """Returns the gears whose stiffness is identified, by the name of their spring.
+
+    Deviations are those of the physical intervals, whose ends are a normal quantile away from their middle: of a
+    stiffness in its logarithm.
+    """
+    quantile, ends = float(norm.ppf(0.5 + 0.5 * estimate.confidence)), (estimate.lower, estimate.upper)
+    identified = dict(zip(estimate.names, estimate.identified.tolist(), strict=True))
+    lower, upper = (dict(zip(estimate.names, each.tolist(), strict=True)) for each in ends)
+    found: dict[str, KnownGear] = {}
+    for name, kind in zip(estimate.names, estimate.kinds, strict=True):
+        if kind != "stiffness" or not identified[name]:
+            continue
+        spring = name.removesuffix(".stiffness")
+        low, high = np.log(lower[name]), np.log(upper[name])
+        gear = KnownGear(float(np.exp(0.5 * (low + high))), float(0.5 * (high - low) / quantile))
+        cubic = f"{spring}.cubic"
+        if identified.get(cubic, False):
+            middle, half = 0.5 * (lower[cubic] + upper[cubic]), 0.5 * (upper[cubic] - lower[cubic])
+            gear = KnownGear(gear.stiffness, gear.stiffness_std, middle, half / quantile)
+        found[spring] = gear
+    return found
