@@ -65,7 +65,7 @@ def test_unknown_keys_and_kinds_are_named(refused):
     wrong = refused(("kind: frf", "kind: frequency"))
     assert (
         "study.kind: S383 input should be one of 'frf', 'wernholt2008', 'zimmermann2023', 'mistakes', 'janot2009',"
-        " 'oliveira2019', 'responses', 'turk2018', 'trust', 'rough', 'fleet' (found 'frequency')" in wrong
+        " 'oliveira2019', 'responses', 'turk2018', 'trust', 'rough', 'encoders', 'fleet' (found 'frequency')" in wrong
     )
     assert "study.kind: S381" in refused(("  kind: frf\n", ""))
 
