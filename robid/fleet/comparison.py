@@ -20,7 +20,7 @@ from robid.fleet.ledger import Ledger, causes
 from robid.fleet.manifest import Robots
 from robid.fleet.population import Outlier, Population, Trait, find_outliers, populations
 from robid.report.section import Cell
-from robid.robot.parameters import FRICTION_KIND, LOGARITHMIC, NUISANCE_KIND
+from robid.robot.parameters import FRICTION_KIND, LOGARITHMIC, NUISANCE_KIND, PARAMETER_KINDS
 
 Key = tuple[str, str]
 """Name of a fit, and of a parameter or misfit."""
@@ -52,6 +52,11 @@ class Collected:
     def is_misfit(self) -> bool:
         """Whether it says how badly a model fits."""
         return not self.kind
+
+    @property
+    def only_large(self) -> bool:
+        """Whether a small value is nothing to worry about: of a misfit, and of what grows with wear."""
+        return self.is_misfit or PARAMETER_KINDS[self.kind].wears
 
     @property
     def is_logarithmic(self) -> bool:
@@ -237,7 +242,7 @@ def _by_group(of: Collected, group: IntArray) -> Iterator[Trait]:
     ends = np.flatnonzero(np.diff(group[rows][order])) + 1
     for part in np.split(order, ends):
         if part.size:
-            yield Trait(rows[part], value[part], std[part], of.is_misfit)
+            yield Trait(rows[part], value[part], std[part], of.only_large)
 
 
 Pages = Literal["all", "none", "flagged"]

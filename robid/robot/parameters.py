@@ -45,6 +45,7 @@ class ParameterKind:
     is_free: bool = False  # Whether a fit estimates it unless something else is said
     through_rest: bool = False  # Whether it only acts through where springs rest and how stiff they are there
     symbol: str = ""  # Its letter, where it is a ratio to an unknown torque constant
+    wears: bool = False  # Whether it grows with wear, so that a small value is nothing to worry about
     panel: str = ""  # Heading of the figure that shows it as a ratio to the robot file; empty for none
 
     @property
@@ -124,15 +125,17 @@ PARAMETER_KINDS = {
         "Rest pressure of counterbalances", "motor", "Pa", "Pa",
         "counterbalance.rest_pressure_pa", "counterbalance.rest_pressure_pa",
     ),
-    "lost_motion": ParameterKind("Lost motion of gears at 3 % of the rated torque", "link", "rad", "m"),
+    "lost_motion": ParameterKind("Lost motion of gears at 3 % of the rated torque", "link", "rad", "m", wears=True),
     "hysteresis": ParameterKind("Hysteresis of gears: width of the loop at zero torque", "link", "rad", "m"),
     "slip": ParameterKind("Hysteresis torques of gears", "link", "N m", "N"),
-    "backlash": ParameterKind("Backlash of gears", "link", "rad", "m"),
+    "backlash": ParameterKind("Backlash of gears", "link", "rad", "m", wears=True),
     "encoder_lag": ParameterKind("Lags of arm encoders behind motor encoders", "link", "s", "s"),
     "damping_time": ParameterKind("Damping over stiffness, with the lag of the torque", "link", "s", "s"),
     "encoder_scale": ParameterKind("Scales of arm encoders against motor encoders", "link", "1", "1"),
     "encoder_offset": ParameterKind("Offsets of arm encoders against motor encoders", "link", "rad", "m"),
-    "transmission_error": ParameterKind("Transmission errors and eccentricities: amplitudes", "component", "rad", "m"),
+    "transmission_error": ParameterKind(
+        "Transmission errors and eccentricities: amplitudes", "component", "rad", "m", wears=True,
+    ),
     "transmission_phase": ParameterKind("Transmission errors and eccentricities: phases", "component", "rad", "rad"),
     "gain": ParameterKind("Static gains of transfer functions", "component", "1", "1"),
     "gain_per_second": ParameterKind("Gains of integrators, per second", "component", "1/s", "1/s"),

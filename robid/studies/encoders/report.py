@@ -171,7 +171,7 @@ def _worn(sound: Gears, doubled: Gears) -> dict[str, float]:
             rows[:, COLUMNS.index(name)] for name in ("lost", "lost_lower", "lost_upper", "lost_identified")
         )
         kept = np.flatnonzero((known > 0) & np.isfinite(value))
-        traits.append(Trait(kept, value[kept], ((upper - lower) / 3.92)[kept]))
+        traits.append(Trait(kept, value[kept], ((upper - lower) / 3.92)[kept], only_large=True))
     outliers = find_outliers(traits, populations(traits, np.arange(len(fleet))))
     named: set[tuple[int, int]] = {(each.row, each.trait) for each in outliers if each.away > 0}
     robots = {row for row, _ in named}
