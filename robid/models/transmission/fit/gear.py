@@ -37,6 +37,7 @@ _START_STD = 0.6
 _OFFSET_STD = 0.1  # rad
 _TELLING = 0.02  # of the largest effect of a doubt
 _MOVE = 1e-4  # by which numbers of the law are moved for slopes
+_TIMES = 2  # passes in which hysteresis follows the deflection
 _NOISES = 1.5  # deviations of the encoders' noise that are no motion
 
 
@@ -150,11 +151,15 @@ class GearModel:
         torque = data.torque[index] + data.doubts[index] @ values[doubts] + values[at["share"]] * friction
         rate = np.gradient(torque, track.period_s)
         rising = values[at["torque_lag"]]
-        # Behind the low pass: cube, side within the backlash, and memory of the deflection.
-        cube, side, memory, by_reach, by_start, by_shape = self._passed(values, index, fine)
         bent = 1 + 3 * s * stretch**2
-        load = (law.slip[0] * memory - torque + rising * rate) / k
-        left = (stretch + s * cube - 0.5 * law.backlash[0] * side + load) / bent
+        left = np.zeros(len(stretch))
+        for _ in range(_TIMES):
+            # Hysteresis remembers what the law says of slow deflections, in which no noise of the encoders is.
+            quiet = fine - np.interp(np.arange(len(fine)), track.fine.rows, left)
+            # Behind the low pass: cube, side within the backlash, and memory of the deflection.
+            cube, side, memory, by_reach, by_start, by_shape = self._passed(values, index, quiet)
+            load = (law.slip[0] * memory - torque + rising * rate) / k
+            left = (stretch + s * cube - 0.5 * law.backlash[0] * side + load) / bent
         for name, column in {
             "stiffness": -load,
             "stiffening": cube / self.scale**2,

@@ -18,6 +18,8 @@ from robid.signals.filters import low_pass, low_pass_reach
 _STILL = 1e-6  # rad, or m
 _OTHER, _FOLLOWS = 0.02, 0.9999
 _FINEST = 0.2  # of the sampling rate
+_LOWEST = 1.5  # of the cut-off of the rows: what the arms' encoders are smoothed to at most
+_QUIET = 0.02  # of a deflection: noise that may stay
 _ROWS_PER_CUT = 8  # rows a second, over the cut-off
 
 
@@ -175,9 +177,9 @@ def _fine(motion: Motion, robot: Robot, options: TransmissionFitOptions, rows: I
     )
     start = rows[0] % step
     kept = np.arange(start, len(motion.motor), step)
-    geared, shown = motion.motor @ robot.arm_per_motor[gears].T, motion.arm
-    smooth_geared, smooth_shown = (low_pass(each, period_s, cut_hz) for each in (geared, shown))
-    removed = np.std((geared - shown) - (smooth_geared - smooth_shown), axis=0)
+    geared = motion.motor @ robot.arm_per_motor[gears].T
+    smooth_geared = low_pass(geared, period_s, cut_hz)
+    smooth_shown, noise = _quiet(motion.arm, geared, period_s, (options.cut_hz, cut_hz))
     turns = motion.motor[kept][:, gears, None] * np.array(options.gear.motor_orders)
     return Fine(
         period_s=step * period_s,
@@ -185,9 +187,33 @@ def _fine(motion: Motion, robot: Robot, options: TransmissionFitOptions, rows: I
         geared=smooth_geared[kept],
         shown=smooth_shown[kept],
         waves=np.stack([np.sin(turns), np.cos(turns)], axis=3),
-        # What the filter removed is noise for its greater part, and white.
-        noise=removed * np.sqrt(2 * cut_hz * period_s),
+        noise=noise,
     )
+
+
+def _quiet(
+    shown: FloatArray, geared: FloatArray, period_s: float, band_hz: tuple[float, float]
+) -> tuple[FloatArray, FloatArray]:
+    """Smooths what the arms' encoders show (n_sample, n_gear) as far as their noise asks for, and returns what is left.
+
+    Hysteresis would be shaken loose by noise. Above resonances arms hardly move, so that a lower cut-off, down to some
+    times that of the rows, takes little of the motion; what motors do and what gears err stays.
+    """
+    lowest_hz, highest_hz = _LOWEST * band_hz[0], band_hz[1]
+    found, noise = np.empty_like(shown), np.empty(shown.shape[1])
+    for column in range(shown.shape[1]):
+        own = shown[:, column : column + 1]
+        smooth = low_pass(own, period_s, highest_hz)
+        # What the filter removed is noise for its greater part, and white.
+        white = float(np.std(own - smooth)) * np.sqrt(2 * highest_hz * period_s)
+        rows = np.stack([np.gradient(smooth[:, 0], period_s), np.ones(len(own))], axis=1)
+        behind = geared[:, column] - smooth[:, 0]
+        bent = float(np.std(behind - rows @ np.linalg.lstsq(rows, behind, rcond=None)[0]))
+        share = min(1.0, (_QUIET * bent / max(white, np.finfo(float).tiny)) ** 2)
+        cut_hz = max(share * highest_hz, min(lowest_hz, highest_hz))
+        found[:, column] = smooth[:, 0] if cut_hz == highest_hz else low_pass(own, period_s, cut_hz)[:, 0]
+        noise[column] = white * np.sqrt(cut_hz / highest_hz)
+    return found, noise
 
 
 def _course(position: FloatArray, period_s: float, rows: IntArray) -> Course:
