@@ -209,7 +209,7 @@ def _quiet(
         rows = np.stack([np.gradient(smooth[:, 0], period_s), np.ones(len(own))], axis=1)
         behind = geared[:, column] - smooth[:, 0]
         bent = float(np.std(behind - rows @ np.linalg.lstsq(rows, behind, rcond=None)[0]))
-        share = min(1.0, (_QUIET * bent / max(white, np.finfo(float).tiny)) ** 2)
+        share = 1.0 if white <= _QUIET * bent else (_QUIET * bent / white) ** 2
         cut_hz = max(share * highest_hz, min(lowest_hz, highest_hz))
         found[:, column] = smooth[:, 0] if cut_hz == highest_hz else low_pass(own, period_s, cut_hz)[:, 0]
         noise[column] = white * np.sqrt(cut_hz / highest_hz)
