@@ -26,6 +26,7 @@ def gears_section(solution: TransmissionSolution, validation: TransmissionValida
         "Hysteresis": [
             _with_interval(solution, f"{joint}.hysteresis", _ARC_MIN, "arc min") for joint in solution.joints
         ],
+        "Slope inside": [_slope_inside(solution, gear) for gear in range(len(solution.joints))],
         "Rated torque": [_rated(solution, gear) for gear in range(len(solution.joints))],
         "reached": [percent(each) for each in solution.reached / solution.rated],
         "Residual": [percent(each) for each in solution.residual / np.maximum(solution.size, 1e-300)],
@@ -38,13 +39,23 @@ def gears_section(solution: TransmissionSolution, validation: TransmissionValida
     styles: tuple[ColumnStyle, ...] = ("name", *numbers * (len(columns) - 1), "text")
     caption = (
         f"Lost motion: between the loop's centre line at plus and minus {LOST_MOTION_SHARE:.0%} of the rated torque. "
-        "Hysteresis: width of the loop at zero torque. Reached: largest torque behind the gear from its mean, over the "
-        "rated one. Residual and error: of the deflection's size, root mean squares."
+        "Hysteresis: width of the loop at zero torque. Slope inside: where a small motion begins. Reached: largest "
+        "torque behind the gear from its mean, over the rated one. Residual and error: of the deflection's size, root mean squares."
     )
     if not solution.rated_stated.all():
         caption += " m: no rated torque is stated, the largest in the records stands for it."
     table = Table(("Joint", *columns), rows, caption=caption, styles=styles)
     return Section("Gears", "What the gears are, from the angles of both of their sides.", (table,), "gears")
+
+
+def _slope_inside(solution: TransmissionSolution, gear: int) -> str:
+    """Writes how steep the torque is within the loop, where a small motion begins; nothing without hysteresis."""
+    value = dict(zip(solution.own_names, solution.values[gear].tolist(), strict=True))
+    if value["slip"] <= 0:
+        return MISSING
+    scale = solution.largest[gear] / solution.guess[gear]
+    slope = np.exp(value["stiffness"]) + value["slip"] * solution.largest[gear] / (np.exp(value["reach"]) * scale)
+    return f"{significant(1e-6 * float(slope), 3)} MN m/rad"
 
 
 def _rated(solution: TransmissionSolution, gear: int) -> str:
