@@ -39,8 +39,9 @@ def gears_section(solution: TransmissionSolution, validation: TransmissionValida
     styles: tuple[ColumnStyle, ...] = ("name", *numbers * (len(columns) - 1), "text")
     caption = (
         f"Lost motion: between the loop's centre line at plus and minus {LOST_MOTION_SHARE:.0%} of the rated torque. "
-        "Hysteresis: width of the loop at zero torque. Slope inside: where a small motion begins. Reached: largest "
-        "torque behind the gear from its mean, over the rated one. Residual and error: of the deflection's size, root mean squares."
+        "Hysteresis: width of the loop at zero torque. Slope inside: where a small motion begins. "
+        "Reached: largest torque behind the gear from its mean, over the rated one. "
+        "Residual and error: of the deflection's size, root mean squares."
     )
     if not solution.rated_stated.all():
         caption += " m: no rated torque is stated, the largest in the records stands for it."
