@@ -31,8 +31,8 @@ from robid.signals.filters import low_pass
 
 _LOG_STIFFNESS_STD = 2.0
 _STIFFENING_STD = 1.0  # of the share by which stiffness grows up to the largest deflection
-_SLIP_STD = 0.1  # of the largest torque
-_REACH_SHARE, _REACH_STD = 0.3, 1.0  # of the largest deflection; of its logarithm
+_SLIP_STD = 0.3  # of the largest torque
+_REACH_SHARE, _REACH_STD = 1.0, 1.5  # of the largest deflection; of its logarithm
 _START_STD = 0.6
 _OFFSET_STD = 0.1  # rad
 _TELLING = 0.02  # of the largest effect of a doubt
