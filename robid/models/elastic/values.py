@@ -6,16 +6,19 @@ from typing import Any
 
 from robid.errors import DataError
 from robid.frf.frf import Frf
+from robid.later import later
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.known_gears import with_known_gears
 from robid.models.elastic.fit.nuisance.moves import with_estimated_springs
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.validating import validate_elastic
-from robid.models.handed_on import gears_of
 from robid.results.fitted import Fitted
 from robid.results.options import options_from
 from robid.robot.description import Robot
+
+with later(__name__):
+    from robid.models.handed_on import gears_of
 
 
 def fit_values(
