@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -17,7 +17,7 @@ _OTHER_TORQUE = 2.0  # recorded over modelled
 _DOUBTFUL_RESIDUAL, _UNEXPLAINED = 0.1, 0.4  # of the deflection
 _DISAGREE = 0.01
 _FAR = 3.0  # deviations of what is known beforehand
-_WRONG_SCALE = 0.02
+_TOO_FAR = 5.0
 _LONG_LAG_S = 0.015
 
 
@@ -25,10 +25,12 @@ def fit_findings(solution: TransmissionSolution, options: TransmissionFitOptions
     """Returns what speaks against the gears that a fit determines, decisive findings first."""
     determined = np.flatnonzero(solution.determined).tolist()
     found = [*_torques(solution), *_undetermined(solution)]
+    # A wrong ratio may be why a gear is not determined.
+    for gear in range(len(solution.joints)):
+        found += _scale(solution, options, gear)
     for gear in determined:
         found += [
             *_load(solution, gear),
-            *_scale(solution, options, gear),
             *_residual(solution, gear),
             *_motions(solution, gear, len(determined)),
             *_share(solution, options, gear),
@@ -40,11 +42,6 @@ def fit_findings(solution: TransmissionSolution, options: TransmissionFitOptions
 def assess(solution: TransmissionSolution, options: TransmissionFitOptions) -> Grade:
     """Grades a fit by itself."""
     return graded_alone(fit_findings(solution, options), solution.estimate.status)
-
-
-def listed(names: Sequence[str]) -> str:
-    """Writes names one after the other."""
-    return ", ".join(names)
 
 
 def _undetermined(solution: TransmissionSolution) -> Iterator[Finding]:
@@ -95,7 +92,7 @@ def _scale(solution: TransmissionSolution, options: TransmissionFitOptions, gear
     value, std = float(solution.values[gear, at]), options.prior.scale
     if std > 0 and abs(value) > _FAR * std:
         told = f"the arm of {solution.joints[gear]} moves {1 + value:.5g} times as its motor says through the gear"
-        yield Finding("gear_ratio", told, decisive=abs(value) > _WRONG_SCALE, strength=abs(value) / (_FAR * std))
+        yield Finding("gear_ratio", told, decisive=abs(value) > _TOO_FAR * std, strength=abs(value) / (_FAR * std))
 
 
 def _residual(solution: TransmissionSolution, gear: int) -> Iterator[Finding]:

@@ -89,6 +89,16 @@ def test_torques_of_another_unit_are_named():
     assert grade.causes[0] == "units"
 
 
+def test_a_gear_ratio_that_is_off_by_a_hundredth_is_blamed_first():
+    arm = robot()
+    joints = tuple(
+        replace(joint, motor=replace(joint.motor, gear_ratio=1.01 * joint.motor.gear_ratio)) for joint in arm.joints
+    )
+    grade = assess(fit_transmissions(replace(arm, joints=joints), motions()[:2], OPTIONS), OPTIONS)
+    assert grade.value == DO_NOT_USE
+    assert grade.causes[0] == "gear_ratio"
+
+
 @pytest.mark.parametrize(("factor", "code"), [(-1.0, "D678"), (180 / np.pi, "D678"), (0.0, "D677")])
 def test_arms_that_move_another_way_than_their_motors_are_refused(factor, code):
     wrong = tuple(replace(each, arm=factor * each.arm) for each in motions()[:2])
