@@ -248,8 +248,8 @@ def gears_of(estimate: Estimate, fit: str, robot: Robot, torque_unit: str = "N m
     if torque_unit != _NEWTON_METRES:
         message = f"D652 fit `{fit}` knows gears in N m/rad, but the response has torques in {torque_unit}"
         raise DataError(message, where=f"fits.{fit}", remedy="state the torque constants of the response's log")
-    names = {spring.name for spring in robot.springs if spring.place == "transmission"}
-    found = {name: gear for name, gear in known_gears(estimate).items() if name in names}
+    joints = {each.name: robot.joints[each.joint].name for each in robot.springs if each.place == "transmission"}
+    found = {name: gear for name, gear in known_gears(estimate, joints).items() if name in joints}
     if not found:
         message = f"D651 fit `{fit}` identified the stiffness of no gear of {robot.name}"
         remedy = "record motions that load the gears (see its page), or leave out `springs_from`"

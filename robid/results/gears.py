@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import norm
@@ -18,13 +19,19 @@ class KnownGear:
     stiffness_std: float  # Standard deviation of its logarithm
     cubic: float | None = None  # Cubic coefficient, None where it is not identified [N m/rad^3]
     cubic_std: float = 0.0  # Its standard deviation [N m/rad^3]
+    slip: float | None = None  # Torque at which its hysteresis slips, None where it is not identified [N m]
+    slip_std: float = 0.0  # Its standard deviation [N m]
 
 
-def known_gears(estimate: Estimate) -> dict[str, KnownGear]:
+def known_gears(estimate: Estimate, joints: Mapping[str, str]) -> dict[str, KnownGear]:
     """Returns the gears whose stiffness is identified, by the name of their spring.
 
     Deviations are those of the physical intervals, whose ends are a normal quantile away from their middle: of a
     stiffness in its logarithm.
+
+    Args:
+        estimate: What a fit of family `transmission` found.
+        joints: The joint of each spring of the robot.
     """
     quantile, ends = float(norm.ppf(0.5 + 0.5 * estimate.confidence)), (estimate.lower, estimate.upper)
     identified = dict(zip(estimate.names, estimate.identified.tolist(), strict=True))
@@ -36,9 +43,9 @@ def known_gears(estimate: Estimate) -> dict[str, KnownGear]:
         spring = name.removesuffix(".stiffness")
         low, high = np.log(lower[name]), np.log(upper[name])
         gear = KnownGear(float(np.exp(0.5 * (low + high))), float(0.5 * (high - low) / quantile))
-        cubic = f"{spring}.cubic"
-        if identified.get(cubic, False):
-            middle, half = 0.5 * (lower[cubic] + upper[cubic]), 0.5 * (upper[cubic] - lower[cubic])
-            gear = KnownGear(gear.stiffness, gear.stiffness_std, middle, half / quantile)
+        for field, more in (("cubic", f"{spring}.cubic"), ("slip", f"{joints.get(spring, spring)}.slip")):
+            if identified.get(more, False):
+                middle, half = 0.5 * (lower[more] + upper[more]), 0.5 * (upper[more] - lower[more])
+                gear = replace(gear, **{field: middle, f"{field}_std": half / quantile})
         found[spring] = gear
     return found

@@ -158,6 +158,8 @@ class Spring:
     # What is known of them beforehand where another fit has found them; None where only the robot file states them
     stiffness_std: float | None = None  # Standard deviation of the logarithm of the stiffness
     cubic_std: float | None = None  # Standard deviation of the cubic coefficient [N m/rad^3, or N/m^3]
+    slip: float = 0.0  # Torque at which its hysteresis slips; 0 where nobody has found it [N m, or N]
+    slip_std: float | None = None  # Its standard deviation [N m, or N]
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ class BristleTable:
     log_gain: FloatArray  # (n_slip, n_conf) Logarithms of `g`
     log_corner: FloatArray  # (n_slip, n_conf) Logarithms of `w_h` [rad/s]
     swing: float  # Swing of the gear, root mean square over the configurations [rad, or m]
+    known: float = 0.0  # Torque at which they are known to slip, which amounts add to [N m, or N]
 
     def added(self, torque: float, omega: FloatArray) -> ComplexArray:
         """What bristles that slip at a torque add (n_conf, n_freq), odd in that torque."""
@@ -62,7 +63,9 @@ class GearEffects:
 
     load: FloatArray  # (n_conf, n_spring) Mean size of each deflection, swing included [rad, or m]
     damped: IntArray  # (n_damped, 2) Nuisance and spring of each damper that grows; amounts are shares per deflection
-    slipping: IntArray  # (n_slipping, 2) Nuisance and spring of each hysteresis; amounts are torques of slip
+    slipping: (
+        IntArray  # (n_slipping, 2) Nuisance and spring of each hysteresis; amounts add to the known torque of slip
+    )
     bristles: tuple[BristleTable, ...]  # (n_slipping) What each of them does
     damped_names: tuple[str, ...] = ()  # (n_damped) Names of those of dampers
     slipping_names: tuple[str, ...] = ()  # (n_slipping) Names of those of hysteresis
@@ -82,7 +85,7 @@ class GearEffects:
         """What bristles add to the springs (n_conf, n_freq, n_spring) at angular frequencies (n_freq,)."""
         added = np.zeros((len(self.load), omega.size, self.load.shape[1]), complex)
         for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
-            added[..., spring] = bristle.added(float(amounts[row]), omega)
+            added[..., spring] = bristle.added(bristle.known + float(amounts[row]), omega)
         return added
 
     def slopes(self, amounts: FloatArray, damping: FloatArray, omega: FloatArray) -> ComplexArray:
@@ -98,7 +101,7 @@ class GearEffects:
             # d(j w d (1 + a l)) / da = j w d l.
             found[:, :, spring, row] = 1j * omega * damping[spring] * self.load[:, spring, None]
         for (row, spring), bristle in zip(self.slipping.tolist(), self.bristles, strict=True):
-            found[:, :, spring, row] = bristle.slope(float(amounts[row]), omega)
+            found[:, :, spring, row] = bristle.slope(bristle.known + float(amounts[row]), omega)
         return found
 
 

@@ -120,3 +120,37 @@ def test_the_same_in_memory(fed):
     stored = fitted(fed, "fed")
     assert tuple(found.parameters) == stored.names
     np.testing.assert_allclose([one.value for one in found.parameters.values()], stored.value, rtol=1e-6)
+
+
+HYSTERESIS = """\
+  gears: {family: transmission, from: estimation, cut_hz: 60}
+  fed: {family: elastic, from: estimation, starts: 1, springs_from: gears}
+  freed:
+    family: elastic
+    from: estimation
+    starts: 1
+    springs_from: gears
+    free: [stiffness, damping, viscous, motor_inertia, hysteresis]
+"""
+SLIP_NM = 2.0
+
+
+def test_the_torque_at_which_hysteresis_slips_is_known_too(shop):
+    prepared(shop)
+    shop.change(FITS, HYSTERESIS)
+    shop.change("friction: lugre}", f"friction: lugre, hysteresis_nm: {SLIP_NM}}}")
+    answer = shop.robid("run", "small.yaml")
+    assert answer.code in {0, 5}, answer.err
+    true = read_truth(shop.runs / "estimation" / "truth.json", shop.runs / "estimation" / "record.h5").robot
+    gears, fed, freed = (fitted(shop, name) for name in ("gears", "fed", "freed"))
+    for joint, spring in (("turn", true.springs[0]), ("lift", true.springs[1])):
+        slip, of = freed.names.index(f"gear_{joint}.hysteresis"), gears.names.index(f"{joint}.slip")
+        assert freed.nominal[slip] == pytest.approx(0.5 * (gears.lower[of] + gears.upper[of]))
+        assert freed.value[slip] == pytest.approx(SLIP_NM, rel=0.25)
+        # Bristles that are left out stiffen what a fit finds.
+        without, with_it = (
+            each.value[each.names.index(f"{spring.name}.stiffness")] / spring.stiffness - 1 for each in (fed, freed)
+        )
+        assert abs(with_it) < 0.01 < without
+    page = (shop.runs / "report.html").read_text()
+    assert "name `hysteresis` in `free`" in page.replace("<code>", "`").replace("</code>", "`")

@@ -30,7 +30,8 @@ class ElasticFit(FitSettings, ElasticOptions):
     springs_from: Name | None = Field(
         default=None,
         description="Name of a fit of family `transmission` whose gears are known beforehand. The stiffness that it "
-        "identified, and a cubic coefficient, replace the robot file's with their physical intervals.",
+        "identified, and a cubic coefficient, replace the robot file's with their physical intervals; so does the "
+        "torque at which hysteresis slips, where `free` has `hysteresis`.",
     )
 
     @property

@@ -50,7 +50,7 @@ def estimate():
 
 
 def test_identified_gears_have_the_middle_and_the_deviation_of_their_intervals():
-    found = known_gears(estimate())
+    found = known_gears(estimate(), {})
     assert set(found) == {"gear_1", "gear_9"}
     gear = found["gear_1"]
     assert (gear.stiffness, gear.stiffness_std) == pytest.approx((2e4, 0.02))
@@ -61,7 +61,7 @@ def test_identified_gears_have_the_middle_and_the_deviation_of_their_intervals()
 def test_a_cubic_coefficient_that_is_not_identified_is_not_handed_on():
     unsure = estimate()
     half = np.where(np.arange(4) == 2, 1.0, unsure.relative_half_width)
-    assert known_gears(replace(unsure, relative_half_width=half))["gear_1"].cubic is None
+    assert known_gears(replace(unsure, relative_half_width=half), {})["gear_1"].cubic is None
 
 
 def test_only_gears_of_the_robot_are_taken_and_none_is_refused():

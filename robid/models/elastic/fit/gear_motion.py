@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.fft
@@ -121,16 +121,18 @@ def gear_effects(
     """
     rows = list(enumerate(nuisance.effect for nuisance in estimated))
     damped = [(row, each.spring) for row, each in rows if isinstance(each, LoadDamping)]
-    slipping = [(row, each.spring) for row, each in rows if isinstance(each, SlipTorque)]
+    slips = [(row, each) for row, each in rows if isinstance(each, SlipTorque)]
+    slipping = [(row, each.spring) for row, each in slips]
     if not damped and not slipping:
         return None
     order, omega = gears.tolist(), 2 * np.pi * frf.frequency_hz
-    bristles = tuple(
+    tables = (
         bristle_table(
             HYSTERESIS_SHARE * float(stiffness[spring]), _known(moved)[:, :, order.index(spring)], frf.lines, omega
         )
         for _, spring in slipping
     )
+    bristles = tuple(replace(table, known=each.known) for table, (_, each) in zip(tables, slips, strict=True))
     names = (tuple(estimated[row].name for row, _ in each) for each in (damped, slipping))
     of_dampers, of_bristles = (np.array(each, int).reshape(-1, 2) for each in (damped, slipping))
     return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)

@@ -71,6 +71,9 @@ def _chained(spring: Spring, gear: KnownGear, chain: Chain) -> Spring:
         stiffness=gear.stiffness * chain.factor,
         stiffness_std=float(np.hypot(gear.stiffness_std, chain.std)),
     )
+    if gear.slip is not None:
+        # Torques in series are the same: what lies in line changes nothing about where it slips.
+        found = replace(found, slip=gear.slip, slip_std=gear.slip_std)
     if gear.cubic is None:
         return found
     # A cubic torque k3 x^3 acts on the gear's share of the deflection: in series it is k3 (1 - s)^4.

@@ -310,7 +310,7 @@ def other_side(problem: Problem, internal: FloatArray, number: int) -> FloatArra
         return None
     name, bristle = effects.slipping_names[number], effects.bristles[number]
     omega = 2 * np.pi * problem.frf.frequency_hz
-    torque = float(parameters.parameters(internal).doubt[effects.slipping[number, 0]])
+    torque = bristle.known + float(parameters.parameters(internal).doubt[effects.slipping[number, 0]])
     other = _other(bristle, torque, omega)
     if other is None:
         return None

@@ -10,7 +10,7 @@ import numpy as np
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import SettingsError
 from robid.models.elastic.fit.nuisance.effects import Nuisance
-from robid.models.elastic.fit.nuisance.kinds import PRIOR_FACTOR
+from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, PRIOR_FACTOR
 from robid.models.elastic.fit.nuisance.listing import estimated_nuisances
 from robid.models.elastic.fit.nuisance.wording import unknown_names
 from robid.models.elastic.fit.options import ElasticOptions, check_names, estimable_names
@@ -222,6 +222,9 @@ def _prior_std(
         cubic = f"{spring.name}.cubic"
         if spring.cubic_std is not None and cubic in scales:
             known[cubic] = spring.cubic_std / scales[cubic]
+        slip = f"{spring.name}.{HYSTERESIS}"
+        if spring.slip_std is not None and slip in scales:
+            known[slip] = spring.slip_std / scales[slip]
     return [known.get(name, known.get(kind, np.inf)) for name, kind in zip(names, kinds, strict=True)]
 
 

@@ -155,7 +155,7 @@ def _effects(
         power = (np.nan_to_num(load.power) / np.abs(dynamic) ** 2).sum(axis=1)
         moved = load.through / dynamic[:, :, gears, None]
         found = gear_effects(estimated, frf, values.stiffness, model.rest.deflection, power, moved, gears)
-        if found is None or not values.doubt.any():
+        if found is None or not (values.doubt.any() or any(each.known for each in found.bristles)):
             break
         # What bristles carry does not bend the gear.
         grown = (found.growth(values.doubt) * values.damping)[:, None]

@@ -27,6 +27,7 @@ class KnownRow:
     chain: tuple[float, float]  # With what lies in line with it: what is known beforehand of the fit's parameter
     found: tuple[float, float] | None  # What the fit makes of that; None where it is fixed
     cubic: bool  # Whether its cubic coefficient was known too
+    slip: bool  # Whether the torque at which its hysteresis slips was known
 
     @property
     def scale(self) -> Scale:
@@ -40,6 +41,7 @@ class KnownGears:
 
     fit: str = ""  # Name of the fit that found them; empty where none is named
     rows: tuple[KnownRow, ...] = ()
+    slipping: frozenset[str] = frozenset()  # Names of the transmissions whose hysteresis the fit estimates
 
 
 def known_content(shown: Shown, estimate: Estimate) -> KnownGears:
@@ -65,9 +67,14 @@ def known_content(shown: Shown, estimate: Estimate) -> KnownGears:
                 chain=(spring.stiffness, quantile * std),
                 found=_found(estimate, f"{spring.name}.stiffness"),
                 cubic=gear.cubic is not None,
+                slip=gear.slip is not None,
             )
         )
-    return KnownGears(settings.springs_from, tuple(rows))
+    slipping = {name.removesuffix(_SLIP) for name in estimate.names if name.endswith(_SLIP)}
+    return KnownGears(settings.springs_from, tuple(rows), frozenset(slipping))
+
+
+_SLIP = ".hysteresis"
 
 
 def _found(estimate: Estimate, name: str) -> tuple[float, float] | None:
@@ -112,4 +119,11 @@ def _written(scale: Scale, value: tuple[float, float]) -> tuple[str, str]:
 def _caption(known: KnownGears) -> str:
     cubic = [row.name for row in known.rows if row.cubic]
     told = f" The cubic coefficient of {', '.join(cubic)} was known from there too." if cubic else ""
+    slips = [row.name for row in known.rows if row.slip]
+    taken = ", ".join(name for name in slips if name in known.slipping)
+    left = ", ".join(name for name in slips if name not in known.slipping)
+    told += f" So was the torque at which the hysteresis of {taken} slips." if taken else ""
+    told += (
+        f" The hysteresis of {left} is not estimated: name `hysteresis` in `free` to use what is known." if left else ""
+    )
     return f"± is half the interval relative to the value.{told}"

@@ -18,6 +18,8 @@ _LEAST = 1e-9  # rad: what no encoder shows
 _BETWEEN = 0.25  # of the assumed model error, between motions of one robot
 _POSITIVE = ("stiffening", "slip", "backlash")
 _SLIP = 0.03  # of the largest torque: where hysteresis begins
+_REACHES = (0.0, -1.0, -2.0, -3.0, -4.0, 1.0)  # from what is most probable, logarithms
+_FIRST_STEPS = 5
 
 
 @dataclass(frozen=True)
@@ -39,9 +41,7 @@ class GearEstimate:
 def estimate_gear(model: GearModel) -> GearEstimate:
     """Estimates the parameters of a gear by Gauss-Newton steps; each motion weighs by what its residual is like."""
     free = model.std > 0
-    value = model.centre.copy()
-    if free[model.place("slip")]:
-        value[model.place("slip")] = _SLIP
+    value = _start(model, free)
     variance, converged = np.full(len(model.data.rows), np.nan), False
     point = model.predict(value)
     for step in range(_STEPS):
@@ -55,6 +55,33 @@ def estimate_gear(model: GearModel) -> GearEstimate:
             break
         converged = bool(done and step >= 5)
     return _concluded(model, value, point, free, converged=converged)
+
+
+def _start(model: GearModel, free: BoolArray) -> FloatArray:
+    """Where the estimate begins (n_param,): at the reach of hysteresis that explains most of what it leaves without.
+
+    Over a reach of another size hysteresis is of another shape, and a descent ends without any.
+    """
+    slip, reach = model.place("slip"), model.place("reach")
+    value, rest = model.centre.copy(), free.copy()
+    if not free[slip]:
+        return value
+    rest[[slip, reach]] = False
+    point = model.predict(value)
+    for _ in range(_FIRST_STEPS):
+        variance = _variances(model, point)
+        moved = _step(model, value, *_normal(model, value, point, variance, rest), rest)
+        value, point, _ = _descend(model, value, point, variance, moved)
+    variance, found = _variances(model, point), []
+    for away in _REACHES:
+        tried = value.copy()
+        tried[slip], tried[reach] = _SLIP, model.centre[reach] + away
+        point = model.predict(tried)
+        information, slope = _normal(model, tried, point, variance, free)
+        moved = _step(model, tried, information, slope, free)[free]
+        cost = _cost(model, tried, point, variance) - (2 * slope - information @ moved) @ moved
+        found.append((float(cost), tried))
+    return min(found, key=lambda each: each[0])[1]
 
 
 def _step(

@@ -31,8 +31,9 @@ from robid.signals.filters import low_pass
 
 _LOG_STIFFNESS_STD = 2.0
 _STIFFENING_STD = 1.0  # of the share by which stiffness grows up to the largest deflection
-_SLIP_STD = 0.3  # of the largest torque
-_REACH_SHARE, _REACH_STD = 1.0, 1.5  # of the largest deflection; of its logarithm
+_SLIP_STD, _RATED_SLIP_STD = 0.3, 0.1  # of the largest torque, or of the rated one where that is more
+_REACH, _RATED_REACH = 1.0, 0.3  # of the largest deflection, or of that under the rated torque where that is more
+_REACH_STD = 1.5  # of its logarithm
 _START_STD = 0.6
 _OFFSET_STD = 0.1  # rad
 _TELLING = 0.02  # of the largest effect of a doubt
@@ -247,12 +248,13 @@ def gear_model(
     """
     gear, prior = options.gear, options.prior
     largest = data.largest if largest is None else largest
-    scale = largest / stiffness
+    scale, rated = largest / stiffness, data.rated / largest
     rows: list[tuple[str, float, float]] = [
         ("stiffness", float(np.log(stiffness)), _LOG_STIFFNESS_STD),
         ("stiffening", 0.0, _STIFFENING_STD * gear.stiffening),
-        ("slip", 0.0, _SLIP_STD * gear.hysteresis),
-        ("reach", float(np.log(_REACH_SHARE)), _REACH_STD * gear.hysteresis),
+        # A gear that bears little of what it is made for has the hysteresis that it is made with.
+        ("slip", 0.0, max(_SLIP_STD, _RATED_SLIP_STD * rated) * gear.hysteresis),
+        ("reach", float(np.log(max(_REACH, _RATED_REACH * rated))), _REACH_STD * gear.hysteresis),
         ("backlash", 0.0, prior.backlash_rad / scale * gear.backlash),
         ("shape", 0.0, prior.hysteresis_shape * gear.hysteresis),
         ("lag", 0.0, prior.lag_s),

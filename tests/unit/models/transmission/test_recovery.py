@@ -112,3 +112,20 @@ def test_what_is_too_short_or_too_slow_is_refused():
         tracks_of([replace(short, torque=motions()[0].torque[:100])], robot(), OPTIONS)
     with pytest.raises(DataError, match="D675"):
         tracks_of(motions()[:1], robot(), replace(OPTIONS, cut_hz=100.0))
+
+
+def test_hysteresis_over_a_twentieth_of_the_deflection_is_found():
+    gear = Gear(slip=4.0, reach=1e-4, error=3.6e-5)
+    solution = fit_transmissions(robot(), [motion(gear, 601)], TransmissionFitOptions())
+    for joint in ("turn", "lift"):
+        low, _, high = interval(solution, f"gear_{joint}.stiffness")
+        assert low < gear.stiffness < high
+        assert interval(solution, f"{joint}.slip")[1] == pytest.approx(gear.slip, rel=0.1)
+
+
+def test_a_gear_that_bears_little_of_its_rated_torque_has_the_hysteresis_that_it_is_made_with():
+    gear = Gear(slip=4.0, reach=4e-4, error=1e-5, eccentricity=1e-5, noise=3e-7)
+    little = [motion(gear, seed, size=(0.1, 0.1)) for seed in (1, 2)]
+    solution = fit_transmissions(robot(), little, OPTIONS)
+    assert solution.reached[solution.joints.index("turn")] < 0.1 * RATED["turn"]
+    assert interval(solution, "turn.slip")[1] == pytest.approx(gear.slip, rel=0.12)

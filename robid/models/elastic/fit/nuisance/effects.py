@@ -138,9 +138,10 @@ class LoadDamping(Effect):
 
 @dataclass(frozen=True)
 class SlipTorque(Effect):
-    """Bristles beside a gear, a tenth as stiff, amounts in the torque at which they slip; only where a fit frees it."""
+    """Bristles beside a gear, a tenth as stiff; amounts add to the torque of slip; only where a fit frees it."""
 
     spring: int
+    known: float = 0.0  # Torque at which they are known to slip [N m, or N]
 
 
 @dataclass(frozen=True)

@@ -90,7 +90,7 @@ class Kind:
     cluster: float = 0.0  # What each cluster adds, over the deviation
     least: float = -np.inf  # Smallest amount that makes sense, over the size
     most: float = np.inf  # Largest one
-    stated: bool = False  # Whether the size is what the file states
+    stated: Callable[..., float] | None = None  # What is stated of it, where amounts add to that
     parameter: str = ""  # Kind of the fit's own parameters that take its place where they are estimated
 
     def of(self, robot: Robot, owner: Owner, *, by_default: bool = False) -> Nuisance | None:
@@ -117,7 +117,7 @@ class Kind:
             effect,
             self.least * size,
             self.most * size,
-            size if self.stated else 0.0,
+            self.stated(robot, *owner.at) if self.stated else 0.0,
             1.0 if self.prior else size,
         )
 
@@ -136,6 +136,10 @@ def _base(robot: Robot) -> tuple[Inertial, Change, FloatArray]:
 
 def _payload(robot: Robot) -> tuple[Inertial, Change, FloatArray]:
     return robot.payload, moves.with_payload, robot.payload_axes
+
+
+def _payload_kg(robot: Robot) -> float:
+    return robot.payload.mass_kg
 
 
 _Body: TypeAlias = Callable[..., tuple[Inertial, Change, FloatArray]]
@@ -192,6 +196,10 @@ def _likely_slip(robot: Robot, index: int) -> float:
     return _SLIP_SHARE * _most_torque(robot.joints[robot.springs[index].joint], _TORQUE_NM)
 
 
+def _known_slip(robot: Robot, index: int) -> float:
+    return robot.springs[index].slip
+
+
 def _zero(robot: Robot, index: int) -> Effect | None:
     slides = robot.joints[index].type == "prismatic"
     return None if slides else RobotMove(partial(moves.with_zero, index), _STEP_DEG)
@@ -207,7 +215,7 @@ def _fixed(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> E
 PAYLOAD: Section = (payloads, _body("payload", _payload, Kind(
     "mass", "payload mass", "payload",
     lambda robot: RobotMove(moves.with_payload_mass, SHARE_STEP * robot.payload.mass_kg),
-    "payload_relative_std", lambda robot: robot.payload.mass_kg, "kg", least=-1.0, most=1.0, stated=True,
+    "payload_relative_std", _payload_kg, "kg", least=-1.0, most=1.0, stated=_payload_kg,
 ), "payload_com_m", "payload_inertia_relative_std"))
 LINKS: Section = (links, _body("masses", _link, _mass(_link), "com_m", "inertia_relative_std"))
 BASE: Section = (bases, _body("masses", _base, _mass(_base), "com_m", "inertia_relative_std"))
@@ -317,8 +325,8 @@ GEAR_EFFECTS: Section = (gears, (
         size=_ONE_SIDED, unit="%", least=-5.0, most=5.0,
     ),
     Kind(
-        HYSTERESIS, "hysteresis of {}", HYSTERESIS, lambda _, index: SlipTorque(index),
-        size=_likely_slip, unit="N m", linear_unit="N",
+        HYSTERESIS, "hysteresis of {}", HYSTERESIS, lambda robot, index: SlipTorque(index, _known_slip(robot, index)),
+        size=_likely_slip, unit="N m", linear_unit="N", stated=_known_slip,
     ),
 ))
 WIDENING: tuple[Section, ...] = (
