@@ -307,6 +307,10 @@ def prediction_figures(found: Found) -> dict[str, float]:
         "vs_random_error": error / whole,
         f"vs_{optimal.name}": float(cost.mean() / optimal.cost.mean()),
     }
+    # One by one too, so that studies of some individuals each can be put together.
+    by_name = {"cost": cost, "random_cost": drawn, f"{optimal.name}_cost": optimal.cost.mean(axis=1)}
+    for key, values in by_name.items():
+        figures |= {f"{key}.{each}": float(v) for each, v in zip(found.study.estimation, values, strict=True)}
     if len(own.error) > 1:
         scatters = [scatter(each.error, "average") for each in (own, optimal, *random)]
         figures[f"scatter_vs_{optimal.name}"] = scatters[0] / scatters[1]

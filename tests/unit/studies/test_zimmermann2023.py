@@ -32,8 +32,8 @@ ERRORS = np.random.default_rng(3).standard_normal((N_SEED, 1, 2))
 def study(**models):
     return ZimmermannStudy(
         kind="zimmermann2023",
-        estimation=("e",),
-        validation=("v",),
+        estimation=tuple(f"e{number}" for number in range(N_SEED)),
+        validation=tuple(f"v{number}" for number in range(N_SEED)),
         design="d",
         axes=("a",),
         models={name: ModelChoice(**choice) for name, choice in models.items()},
@@ -169,6 +169,9 @@ def test_a_choice_for_prediction_is_held_against_random_sets_in_pairs():
         difference.std(ddof=1) / np.sqrt(N_SEED) / (2 * rise).mean()
     )
     assert figures["optp.vs_opt2"] == pytest.approx((rise + off).mean() / held.models["opt2"].cost.mean())
+    for number in range(N_SEED):
+        assert figures[f"optp.cost.e{number}"] == pytest.approx((rise + off)[number])
+        assert figures[f"optp.random_cost.e{number}"] == pytest.approx(2 * rise[number])
     assert prediction_figures(found(**everything())) == {}
 
 
