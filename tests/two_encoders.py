@@ -20,6 +20,7 @@ ARM = Path(__file__).parent / "stages" / "arm.yaml"
 class Gear:
     stiffness: float = 1.0e5
     stiffening: float = 0.0
+    steps: tuple[tuple[float, float], ...] = ()  # Torques from which it is so many times as stiff as without load
     slip: float = 0.0
     reach: float = 1e-4
     lag_s: float = 2.3e-3
@@ -37,10 +38,20 @@ def bend(gear: Gear, torque):
     """Deflections along torques, with Dahl's hysteresis integrated in its rate form by small steps."""
     found, memory, last = np.empty(len(torque)), 0.0, torque[0] / gear.stiffness
 
+    # Piecewise linear: its corners, as deflection and torque.
+    torques, times = [0.0, *(each[0] for each in gear.steps)], [1.0, *(each[1] for each in gear.steps)]
+    corners = np.concatenate([[0], np.cumsum(np.diff(torques) / (gear.stiffness * np.array(times[:-1])))])
+
+    def spring(x):
+        if not gear.steps:
+            return gear.stiffness * (x + gear.stiffening * x**3)
+        at = np.searchsorted(corners, abs(x), side="right") - 1
+        return np.sign(x) * (torques[at] + times[at] * gear.stiffness * (abs(x) - corners[at]))
+
     def excess(x, load):
         sense = np.sign(x - last)
         ahead = sense * gear.slip + (memory - sense * gear.slip) * np.exp(-abs(x - last) / gear.reach)
-        return gear.stiffness * (x + gear.stiffening * x**3) + ahead - load
+        return spring(x) + ahead - load
 
     for row, load in enumerate(torque):
         wide = 10 * max(abs(torque).max(), gear.slip) / gear.stiffness

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,17 +35,30 @@ def known_gears(estimate: Estimate, joints: Mapping[str, str]) -> dict[str, Know
     """
     quantile, ends = float(norm.ppf(0.5 + 0.5 * estimate.confidence)), (estimate.lower, estimate.upper)
     identified = dict(zip(estimate.names, estimate.identified.tolist(), strict=True))
-    lower, upper = (dict(zip(estimate.names, each.tolist(), strict=True)) for each in ends)
+    lower, upper, value = (dict(zip(estimate.names, each.tolist(), strict=True)) for each in (*ends, estimate.value))
     found: dict[str, KnownGear] = {}
     for name, kind in zip(estimate.names, estimate.kinds, strict=True):
         if kind != "stiffness" or not identified[name]:
             continue
         spring = name.removesuffix(".stiffness")
+        steps = f"{joints.get(spring, spring)}.stiffness_"
         low, high = np.log(lower[name]), np.log(upper[name])
         gear = KnownGear(float(np.exp(0.5 * (low + high))), float(0.5 * (high - low) / quantile))
         for field, more in (("cubic", f"{spring}.cubic"), ("slip", f"{joints.get(spring, spring)}.slip")):
             if identified.get(more, False):
                 middle, half = 0.5 * (lower[more] + upper[more]), 0.5 * (upper[more] - lower[more])
                 gear = replace(gear, **{field: middle, f"{field}_std": half / quantile})
-        found[spring] = gear
+        found[spring] = _with_steps(gear, [value[name] for name in estimate.names if name.startswith(steps)])
     return found
+
+
+def _with_steps(gear: KnownGear, stiffness: Sequence[float]) -> KnownGear:
+    """A gear whose stiffness rises in steps [N m/rad]: under an unknown load it is anywhere between its first and last.
+
+    Its logarithm is taken as evenly distributed there.
+    """
+    if not stiffness:
+        return gear
+    ratio = np.log(max(stiffness) / gear.stiffness)
+    std = float(np.hypot(gear.stiffness_std, ratio / np.sqrt(12)))
+    return replace(gear, stiffness=float(gear.stiffness * np.exp(0.5 * ratio)), stiffness_std=std)

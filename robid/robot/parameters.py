@@ -127,6 +127,9 @@ PARAMETER_KINDS = {
     ),
     "lost_motion": ParameterKind("Lost motion of gears at 3 % of the rated torque", "link", "rad", "m", wears=True),
     "hysteresis": ParameterKind("Hysteresis of gears: width of the loop at zero torque", "link", "rad", "m"),
+    "stepped_stiffness": ParameterKind(
+        "Stiffness of gears from the torques of their data sheets on", "link", "N m/rad", "N/m",
+    ),
     "slip": ParameterKind("Hysteresis torques of gears", "link", "N m", "N"),
     "backlash": ParameterKind("Backlash of gears", "link", "rad", "m", wears=True),
     "encoder_lag": ParameterKind("Lags of arm encoders behind motor encoders", "link", "s", "s"),

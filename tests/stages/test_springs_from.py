@@ -154,3 +154,19 @@ def test_the_torque_at_which_hysteresis_slips_is_known_too(shop):
         assert abs(with_it) < 0.01 < without
     page = (shop.runs / "report.html").read_text()
     assert "name `hysteresis` in `free`" in page.replace("<code>", "`").replace("</code>", "`")
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "code"),
+    [
+        ("rated_torque_nm: {lifted: 300}", "rated_torque_nm.lifted", "S650"),
+        ("rated_torque_nm: {lift: 0}", "rated_torque_nm.lift", "S651"),
+        ("gear: {motor_orders: [1, 0]}", "gear.motor_orders", "S652"),
+        ("stiffness_torques_nm: {lifted: [3]}", "stiffness_torques_nm.lifted", "S650"),
+        ("stiffness_torques_nm: {lift: [30, 20]}", "stiffness_torques_nm.lift", "S658"),
+        ("stiffness_torques_nm: {lift: [0, 20]}", "stiffness_torques_nm.lift", "S658"),
+    ],
+)
+def test_a_gear_that_is_stated_wrongly_is_refused_with_its_place(shop, text, place, code):
+    prepared(shop).change("cut_hz: 60", f"cut_hz: 60, {text}")
+    shop.refuse(2, f"fits.gears.{place}: {code}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any, Literal, TypeAlias
 
 import pydantic.dataclasses
@@ -60,11 +61,16 @@ def transmission_fit(experiment: Experiment, name: str) -> TransmissionFit:
 def problems(experiment: Experiment, name: str, robot: RobotFile) -> _Found:
     """Yields what is wrong with a fit of gears for a robot."""
     fit, joints = transmission_fit(experiment, name), [joint.name for joint in robot.joints]
+    for key in ("rated_torque_nm", "stiffness_torques_nm"):
+        for joint in getattr(fit, key):
+            if joint not in joints:
+                yield (key, joint), f"S650 is no joint of the robot: there are {', '.join(joints)}"
     for joint, torque in fit.rated_torque_nm.items():
-        if joint not in joints:
-            yield ("rated_torque_nm", joint), f"S650 is no joint of the robot: there are {', '.join(joints)}"
-        elif torque <= 0:
+        if torque <= 0:
             yield ("rated_torque_nm", joint), "S651 must be above 0"
+    for joint, torques in fit.stiffness_torques_nm.items():
+        if any(after <= before for before, after in pairwise((0.0, *torques))):
+            yield ("stiffness_torques_nm", joint), "S658 must rise from above 0"
     for key in ("motor_orders", "arm_orders"):
         if any(order <= 0 for order in getattr(fit.gear, key)):
             yield ("gear", key), "S652 periods per turn are above 0"

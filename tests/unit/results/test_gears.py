@@ -79,3 +79,13 @@ def test_what_is_no_fit_of_gears_is_refused_in_memory():
     frf = exact_frf(robot, np.array([[0.1, 0.2]]), np.geomspace(2, 50, 20), declared_noise=0.01)
     with pytest.raises(DataError, match="D653"):
         fit_values(robot, frf, springs_from=estimate())
+
+
+def test_stiffness_that_rises_in_steps_is_known_between_its_first_and_last():
+    gear = estimate()
+    kinds = ("stiffness", "stepped_stiffness", "cubic", "stiffness")
+    names = ("gear_1.stiffness", "axis_1.stiffness_2", "gear_1.cubic", "gear_9.stiffness")
+    value = np.array([2e4, 3e4, 2e6, 1e4])
+    found = known_gears(replace(gear, names=names, kinds=kinds, value=value), {"gear_1": "axis_1"})["gear_1"]
+    assert found.stiffness == pytest.approx(np.sqrt(2e4 * 3e4))
+    assert found.stiffness_std == pytest.approx(np.hypot(0.02, np.log(1.5) / np.sqrt(12)))

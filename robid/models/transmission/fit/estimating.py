@@ -8,7 +8,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from robid.arrays import BoolArray, FloatArray
-from robid.models.transmission.fit.gear import GearModel
+from robid.models.transmission.fit.gear import RISE, GearModel
 from robid.models.transmission.fit.load import correlation_rows
 
 _STEPS = 40
@@ -87,13 +87,13 @@ def _start(model: GearModel, free: BoolArray) -> FloatArray:
 def _step(
     model: GearModel, value: FloatArray, information: FloatArray, slope: FloatArray, free: BoolArray
 ) -> FloatArray:
-    """Gauss-Newton step (n_param,) that keeps stiffening, slip torque and backlash positive.
+    """Gauss-Newton step (n_param,) that keeps stiffening of either kind, slip torque and backlash positive.
 
     What is at zero stays there, and the others follow.
     """
     moved = np.zeros(len(value))
     places, fixed = np.flatnonzero(free), np.zeros(int(free.sum()), bool)
-    positive = [model.place(name) for name in _POSITIVE]
+    positive = [at for at, name in enumerate(model.names) if name in _POSITIVE or name.startswith(RISE)]
     for _ in range(1 + len(positive)):
         rest = ~fixed
         own = slope[rest] - information[np.ix_(rest, fixed)] @ moved[places[fixed]]

@@ -11,7 +11,8 @@ from scipy.stats import norm
 
 from robid.arrays import BoolArray, FloatArray
 from robid.models.transmission.fit.estimating import GearEstimate, estimate_gear
-from robid.models.transmission.fit.gear import GearModel, gear_data, gear_model
+from robid.models.transmission.fit.gear import GearModel, gear_model
+from robid.models.transmission.fit.gear_data import gear_data
 from robid.models.transmission.fit.load import KnownBodies, Load, load_of
 from robid.models.transmission.fit.motions import Motion
 from robid.models.transmission.fit.options import TransmissionFitOptions
@@ -54,7 +55,8 @@ def fit_transmissions(
     rated, stated = rated_torques(robot, gears, load, options)
     fitted = []
     for column, joint in enumerate(gears):
-        data = gear_data(tracks, load, gears, column, float(robot.gear_ratio[joint]), float(rated[column]))
+        steps = options.stiffness_torques_nm.get(robot.joints[joint].name, ())
+        data = gear_data(tracks, load, gears, column, float(robot.gear_ratio[joint]), float(rated[column]), steps)
         model = gear_model(data, options, first_stiffness(tracks, load, column))
         found = estimate_gear(model)
         fitted.append(FittedGear(model, found, *told_of(robot, model, found)))

@@ -10,82 +10,34 @@ with `e` sums of sines. The torque behind the gear, of the links with their doub
     torque / k = x + s x^3 - b/2 tanh(k x / band) + (H / k) h(x) + (damping / k + lag of the torque) d(torque / k)/dt
         - (share of friction behind the gear) friction / k,
 
-both sides behind one low pass. Hysteresis `h` remembers the deflection itself, up to the frequencies of transmission
-errors: these shake it loose, which a smooth torque would not show.
+both sides behind one low pass. In place of the cube, stiffness may rise in steps at torques of a data sheet. Hysteresis
+`h` remembers the deflection itself, up to the frequencies of transmission errors: these shake it loose, which a smooth
+torque would not show.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
 from robid.arrays import BoolArray, FloatArray
+from robid.models.transmission.fit.gear_data import GearData
 from robid.models.transmission.fit.law import BAND_SHARE, GearLaw, memories
-from robid.models.transmission.fit.load import Load
 from robid.models.transmission.fit.options import TransmissionFitOptions
-from robid.models.transmission.fit.tracks import Track
 from robid.signals.filters import low_pass
 
 _LOG_STIFFNESS_STD = 2.0
 _STIFFENING_STD = 1.0  # of the share by which stiffness grows up to the largest deflection
+_RISE_STD = 1.0  # of the stiffness without load, at each step
 _SLIP_STD, _RATED_SLIP_STD = 0.3, 0.1  # of the largest torque, or of the rated one where that is more
 _REACH, _RATED_REACH = 1.0, 0.3  # of the largest deflection, or of that under the rated torque where that is more
 _REACH_STD = 1.5  # of its logarithm
 _START_STD = 0.6
 _OFFSET_STD = 0.1  # rad
-_TELLING = 0.02  # of the largest effect of a doubt
 _MOVE = 1e-4  # by which numbers of the law are moved for slopes
 _TIMES = 2  # passes in which hysteresis follows the deflection
 _NOISES = 1.5  # deviations of the encoders' noise that are no motion
-
-
-@dataclass(frozen=True)
-class GearData:
-    """What one gear's parameters are estimated from, of each motion."""
-
-    tracks: tuple[Track, ...]
-    column: int  # Which of the gears it is
-    joint: int  # Which of the joints
-    ratio: float
-    torque: tuple[FloatArray, ...]  # (n_row,) each [N m, or N]
-    doubts: tuple[FloatArray, ...]  # (n_row, n_doubt) each
-    coulomb: float  # Friction of its motor [N m]
-    viscous: float
-    rated: float  # Rated torque [N m, or N]
-
-    @property
-    def largest(self) -> float:
-        """The largest torque of all motions."""
-        return max(float(np.abs(own).max()) for own in self.torque)
-
-    @property
-    def rows(self) -> tuple[slice, ...]:
-        """Which rows are each motion's, all one after the other."""
-        ends = np.cumsum([0, *(len(own) for own in self.torque)]).tolist()
-        return tuple(slice(*pair) for pair in pairwise(ends))
-
-
-def gear_data(
-    tracks: Sequence[Track], load: Load, gears: Sequence[int], column: int, ratio: float, rated: float
-) -> GearData:
-    """Returns what one of the gears is estimated from, with the few doubts that say it all of this one."""
-    doubts = [own[:, column] for own in load.doubts]
-    values, axes = np.linalg.eigh(np.sum([own.T @ own for own in doubts], axis=0))
-    kept = axes[:, values > _TELLING**2 * values[-1]][:, ::-1]
-    return GearData(
-        tracks=tuple(tracks),
-        column=column,
-        joint=gears[column],
-        ratio=ratio,
-        torque=tuple(own[:, column] for own in load.torque),
-        doubts=tuple(own @ kept for own in doubts),
-        coulomb=float(load.coulomb[column]),
-        viscous=float(load.viscous[column]),
-        rated=rated,
-    )
 
 
 @dataclass(frozen=True)
@@ -123,6 +75,8 @@ class GearModel:
             slip=np.array([max(slip, 0.0) * self.largest]),
             reach=np.array([np.exp(reach) * self.scale]),
             backlash=np.array([backlash * self.scale]),
+            torques=self.data.steps,
+            rises=np.array([[values[self.place(f"{RISE}{step}")] for step in range(len(self.data.steps))]]),
         )
 
     def predict(self, values: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -142,7 +96,7 @@ class GearModel:
         """Measured difference and residual (n_row,), and the residual's slopes (n_row, n_param), of one motion."""
         data, track = self.data, self.data.tracks[index]
         law, at = self.law(values), {name: place for place, name in enumerate(self.names)}
-        k, s = float(law.stiffness[0]), float(law.stiffening[0])
+        k = float(law.stiffness[0])
         slopes = np.zeros((len(track.time_s), len(self.names)))
         fine, measured, stretch = self._followed(values, index, slopes)
         friction = data.ratio * (
@@ -152,18 +106,18 @@ class GearModel:
         torque = data.torque[index] + data.doubts[index] @ values[doubts] + values[at["share"]] * friction
         rate = np.gradient(torque, track.period_s)
         rising = values[at["torque_lag"]]
-        bent = 1 + 3 * s * stretch**2
+        bent = law.bent(stretch[:, None])[1][:, 0]
         left = np.zeros(len(stretch))
         for _ in range(_TIMES):
             # Hysteresis remembers what the law says of slow deflections, in which no noise of the encoders is.
             quiet = fine - np.interp(np.arange(len(fine)), track.fine.rows, left)
-            # Behind the low pass: cube, side within the backlash, and memory of the deflection.
-            cube, side, memory, by_reach, by_start, by_shape = self._passed(values, index, quiet)
+            # Behind the low pass: side within the backlash, memory of the deflection, and what the spring adds.
+            side, memory, by_reach, by_start, by_shape, added, *by_law = self._passed(values, index, quiet)
             load = (law.slip[0] * memory - torque + rising * rate) / k
-            left = (stretch + s * cube - 0.5 * law.backlash[0] * side + load) / bent
+            left = (stretch + added - 0.5 * law.backlash[0] * side + load) / bent
         for name, column in {
-            "stiffness": -load,
-            "stiffening": cube / self.scale**2,
+            **dict(zip(self._of_spring, by_law, strict=True)),
+            "stiffness": by_law[0] - load,
             "slip": self.largest * memory / k,
             "reach": law.slip[0] * by_reach / k,
             f"start_{index}": law.slip[0] * by_start / k,
@@ -206,8 +160,8 @@ class GearModel:
     def _passed(self, values: FloatArray, index: int, deflection: FloatArray) -> tuple[FloatArray, ...]:
         """What becomes of a fine deflection (n_fine,) behind the low pass (n_row,) each.
 
-        Its cube, its side, the memory of hysteresis, and the memory's slopes by the logarithm of its reach, by what it
-        begins with and by its shape: a share of it may build up sooner or later.
+        Its side, the memory of hysteresis, the memory's slopes by the logarithm of its reach, by what it begins with
+        and by its shape (a share of it may build up sooner or later), what stiffening adds, and that one's slopes.
         """
         law, start = self.law(values), float(np.clip(values[self.place(f"start_{index}")], -1, 1))
         reach, step = float(law.reach[0]), _MOVE
@@ -222,8 +176,23 @@ class GearModel:
         shape = 0.5 * (memory[:, 3] - memory[:, 4])
         remembered = memory[:, 0] + values[self.place("shape")] * shape
         by_reach, by_start = (memory[:, 1] - memory[:, 0]) / step, (memory[:, 0] - memory[:, 2]) / step
-        every = np.stack([deflection**3, side, remembered, by_reach, by_start, shape], axis=1)
+        every = np.stack([side, remembered, by_reach, by_start, shape, *self._added(values, deflection)], axis=1)
         return tuple(self._smooth(every, index).T)
+
+    @property
+    def _of_spring(self) -> tuple[str, ...]:
+        """Names of the parameters that say what stiffening adds."""
+        return ("stiffness", *(f"{RISE}{step}" for step in range(len(self.data.steps))), "stiffening")
+
+    def _added(self, values: FloatArray, deflection: FloatArray) -> list[FloatArray]:
+        """What stiffening adds to a deflection (n_fine,), and its slopes by the parameters `_of_spring`."""
+        cube, steps = deflection**3, len(self.data.steps)
+        if not steps:
+            return [float(self.law(values).stiffening[0]) * cube, np.zeros_like(cube), cube / self.scale**2]
+        # By differences: where stiffness rises depends on the rises before.
+        moved = [values, *(values + _MOVE * (np.array(self.names) == name) for name in self._of_spring[: steps + 1])]
+        base, *others = (self.law(each).bent(deflection[:, None])[0][:, 0] - deflection for each in moved)
+        return [base, *((other - base) / _MOVE for other in others), cube / self.scale**2]
 
     def _smooth(self, signal: FloatArray, index: int) -> FloatArray:
         """Passes fine signals (n_fine, n) through the low pass of the rows (n_row, n)."""
@@ -237,6 +206,8 @@ class GearModel:
 
 
 _LAW = ("stiffness", "stiffening", "slip", "reach", "backlash")
+RISE = "rise_"
+"""Beginning of the names of the shares by which stiffness rises in steps."""
 
 
 def gear_model(
@@ -251,7 +222,7 @@ def gear_model(
     scale, rated = largest / stiffness, data.rated / largest
     rows: list[tuple[str, float, float]] = [
         ("stiffness", float(np.log(stiffness)), _LOG_STIFFNESS_STD),
-        ("stiffening", 0.0, _STIFFENING_STD * gear.stiffening),
+        ("stiffening", 0.0, _STIFFENING_STD * (gear.stiffening and not data.steps.size)),
         # A gear that bears little of what it is made for has the hysteresis that it is made with.
         ("slip", 0.0, max(_SLIP_STD, _RATED_SLIP_STD * rated) * gear.hysteresis),
         ("reach", float(np.log(max(_REACH, _RATED_REACH * rated))), _REACH_STD * gear.hysteresis),
@@ -263,6 +234,8 @@ def gear_model(
         ("offset", 0.0, _OFFSET_STD),
         ("share", 0.0, prior.friction_share),
     ]
+    most = max((len(each) for each in options.stiffness_torques_nm.values()), default=0)
+    rows += [(f"{RISE}{step}", 0.0, _RISE_STD * (step < data.steps.size)) for step in range(most)]
     for kind, orders, std in (
         ("arm", gear.arm_orders, prior.eccentricity_rad),
         ("motor", gear.motor_orders, prior.transmission_error_rad),

@@ -1,7 +1,8 @@
 """The law of a gear: deflection over torque and its past, and what data sheets say of it.
 
 The torque is `k (x + s x^3) + h(x)` of the deflection `x`, with Dahl's hysteresis `h`: along a motion in one sense it
-goes to its slip torque `H` exponentially over a deflection. In series with it is a narrow band about zero torque in
+goes to its slip torque `H` exponentially over a deflection. In place of the cube, the stiffness may rise in steps at
+some torques, as data sheets state it. In series with it is a narrow band about zero torque in
 which the deflection changes its side by the backlash `b`: `b/2 tanh(torque / band)`.
 
 Source:
@@ -10,7 +11,7 @@ Source:
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -34,6 +35,27 @@ class GearLaw:
     slip: FloatArray  # H [N m, or N]
     reach: FloatArray  # Deflection over which hysteresis builds up [rad, or m]
     backlash: FloatArray  # b [rad, or m]
+    torques: FloatArray = field(default_factory=lambda: np.zeros(0))  # (n_step,) Where stiffness rises [N m, or N]
+    # (n_series, n_step) By how much, over the stiffness without load
+    rises: FloatArray = field(default_factory=lambda: np.zeros((1, 0)))
+
+    def bent(self, deflection: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Torque of the spring alone over its stiffness without load, and its slope, at deflections (..., n_series)."""
+        square = deflection**2
+        found, slope = deflection * (1 + self.stiffening * square), 1 + 3 * self.stiffening * square
+        size, side = np.abs(deflection), np.sign(deflection)
+        start, before = np.zeros(len(self.rises)), 0.0
+        for torque, rise, total in zip(self.torques.tolist(), self.rises.T, self._before, strict=True):
+            start = start + (torque - before) / (self.stiffness * total)
+            beyond = size - start
+            found, slope = found + rise * side * np.maximum(beyond, 0.0), slope + rise * (beyond > 0)
+            before = torque
+        return found, slope
+
+    @property
+    def _before(self) -> FloatArray:
+        """Stiffness before each step over that without load (n_step, n_series)."""
+        return np.asarray(1 + np.cumsum(self.rises, axis=1).T - self.rises.T)
 
     def varied(self, name: str, by: FloatArray) -> GearLaw:
         """Returns the laws with one of their numbers changed by a summand."""
@@ -62,10 +84,8 @@ def _static(law: GearLaw, torque: FloatArray) -> FloatArray:
     """Deflections (n_series,) of the springs alone."""
     found = torque / law.stiffness
     for _ in range(_NEWTON_STEPS):
-        square = found**2
-        step = (law.stiffness * found * (1 + law.stiffening * square) - torque) / (
-            law.stiffness * (1 + 3 * law.stiffening * square)
-        )
+        bent, slope = law.bent(found)
+        step = (law.stiffness * bent - torque) / (law.stiffness * slope)
         found = found - step
         if np.all(np.abs(step) <= _CLOSE * (np.abs(found) + 1e-9)):
             break
@@ -77,13 +97,14 @@ def _step(law: GearLaw, torque: FloatArray, last: FloatArray, memory: FloatArray
 
     The torque rises with the deflection in either sense, so that the sense is known and Newton's steps stay in it.
     """
-    lacking = torque - law.stiffness * last * (1 + law.stiffening * last**2) - memory
+    lacking = torque - law.stiffness * law.bent(last)[0] - memory
     sense = np.sign(lacking)
     limit, found = sense * law.slip, last
     for _ in range(_NEWTON_STEPS):
-        square, left = found**2, (memory - limit) * np.exp(-np.abs(found - last) / law.reach)
-        excess = law.stiffness * found * (1 + law.stiffening * square) + limit + left - torque
-        slope = law.stiffness * (1 + 3 * law.stiffening * square) - sense * left / law.reach
+        left = (memory - limit) * np.exp(-np.abs(found - last) / law.reach)
+        bent, rising = law.bent(found)
+        excess = law.stiffness * bent + limit + left - torque
+        slope = law.stiffness * rising - sense * left / law.reach
         moved = found - excess / slope
         # Never back over where the motion began.
         moved = np.where(sense * (moved - last) < 0, last, moved)

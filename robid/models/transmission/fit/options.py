@@ -74,6 +74,13 @@ class TransmissionFitOptions:
             "When not given, gear ratio times `rated_torque_nm` of the motor; else the largest torque in the records."
         },
     )
+    stiffness_torques_nm: dict[str, tuple[float, ...]] = field(
+        default_factory=dict,
+        metadata={
+            "description": "Torques at gears' outputs, by joint, at which their data sheets let the stiffness change, "
+            "as T1 and T2: it is then constant in between, in place of a cubic law [N m]."
+        },
+    )
     confidence: float = option(0.95, "Level of the confidence intervals.", gt=0, lt=1)
     identifiable_relative_std: float = option(
         0.1, "Relative standard deviation up to which a stiffness counts as identified.", gt=0

@@ -8,8 +8,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.models.transmission.fit.estimating import GearEstimate
-from robid.models.transmission.fit.gear import GearModel
-from robid.models.transmission.fit.law import GearLaw, Loop, data_sheet_loop
+from robid.models.transmission.fit.gear import RISE, GearModel
+from robid.models.transmission.fit.law import Loop, data_sheet_loop
 from robid.robot.description import Robot
 from robid.robot.parameters import PARAMETER_KINDS
 
@@ -83,7 +83,8 @@ def told_of(robot: Robot, model: GearModel, found: GearEstimate) -> tuple[tuple[
         )
     ]
     gear = model.options.gear
-    if gear.stiffening:
+    rows += _stepped(model, value, k, f"{names}.stiffness_", slides=slides)
+    if gear.stiffening and not model.data.steps.size:
         size = abs(curves["cubic"][0]) + k / model.scale**2
         rows.append(row("cubic", f"{spring}.cubic", curves["cubic"], size, np.nan if file is None else file.cubic))
     rows.append(row("lost_motion", f"{names}.lost_motion", curves["lost_motion"], curves["lost_motion"][0]))
@@ -109,6 +110,19 @@ def told_of(robot: Robot, model: GearModel, found: GearEstimate) -> tuple[tuple[
     return tuple(rows), _sums(model, found, curves["width"])
 
 
+def _stepped(model: GearModel, value: FloatArray, k: float, name: str, *, slides: bool) -> list[Told]:
+    """Stiffness from each of the data sheet's torques on."""
+    about, found = PARAMETER_KINDS["stepped_stiffness"], []
+    unit, moves, total = about.linear_unit if slides else about.unit, np.zeros(len(value)), 1.0
+    for step in range(len(model.data.steps)):
+        place = model.place(f"{RISE}{step}")
+        moves[place], total = 1.0, total + float(value[place])
+        logarithm = _unit(model, "stiffness") + moves / total
+        row = Told(f"{name}{step + 2}", "stepped_stiffness", unit, np.nan, k * total, k * total, logarithm)
+        found.append(replace(row, logarithmic=True))
+    return found
+
+
 def _unit(model: GearModel, name: str) -> FloatArray:
     moves = np.zeros(len(model.names))
     moves[model.place(name)] = 1.0
@@ -121,8 +135,9 @@ def _linear(model: GearModel, value: FloatArray, name: str, size: float) -> tupl
 
 def _curves(model: GearModel, found: GearEstimate) -> dict[str, tuple[float, FloatArray]]:
     """Figures of the gear's loop, each with its slopes by the parameters."""
-    places = [model.place(name) for name in ("stiffness", "stiffening", "slip", "reach", "backlash")]
-    places = [place for place in places if model.std[place] > 0]
+    fields = ("stiffness", "stiffening", "slip", "reach", "backlash", "rises")
+    own = [at for at, name in enumerate(model.names) if name in fields or name.startswith(RISE)]
+    places = [place for place in own if model.std[place] > 0]
     std = np.sqrt(np.diag(found.covariance))
     variants = [found.value]
     for place in places:
@@ -133,8 +148,7 @@ def _curves(model: GearModel, found: GearEstimate) -> dict[str, tuple[float, Flo
     # A share of hysteresis may build up over twice the deflection instead of half of it.
     base, shape = laws[0], model.place("shape")
     laws += [replace(base, reach=2 * base.reach), replace(base, reach=0.5 * base.reach)]
-    fields = ("stiffness", "stiffening", "slip", "reach", "backlash")
-    joined = GearLaw(*(np.concatenate([getattr(law, name) for law in laws]) for name in fields))
+    joined = replace(base, **{name: np.concatenate([getattr(law, name) for law in laws]) for name in fields})
     loop = data_sheet_loop(joined, model.data.rated, model.band)
     every = {
         "cubic": joined.stiffness * joined.stiffening,

@@ -12,7 +12,8 @@ from robid.arrays import FloatArray, Quantity
 from robid.errors import DataError
 from robid.models.conclusions import outcome_of, refuse_other_rate
 from robid.models.transmission.fit.estimating import motion_by_motion
-from robid.models.transmission.fit.gear import GearModel, gear_data, gear_model
+from robid.models.transmission.fit.gear import GearModel, gear_model
+from robid.models.transmission.fit.gear_data import gear_data
 from robid.models.transmission.fit.load import KnownBodies, load_of
 from robid.models.transmission.fit.motions import Motion
 from robid.models.transmission.fit.options import TransmissionFitOptions
@@ -69,7 +70,8 @@ def validate_transmissions(
     load = load_of(robot, gears, tracks, bodies)
     parts = []
     for column, joint in enumerate(gears):
-        data = gear_data(tracks, load, gears, column, float(robot.gear_ratio[joint]), float(solution.rated[column]))
+        rated, steps = float(solution.rated[column]), options.stiffness_torques_nm.get(joints[column], ())
+        data = gear_data(tracks, load, gears, column, float(robot.gear_ratio[joint]), rated, steps)
         model = gear_model(data, options, float(solution.guess[column]), float(solution.largest[column]))
         parts.append(_predicted(model, solution, column))
     measured, predicted, deflection = (np.stack([part[which] for part in parts], axis=1) for which in range(3))

@@ -20,6 +20,7 @@ def gears_section(solution: TransmissionSolution, validation: TransmissionValida
     """Tabulates the gears as data sheets do, with what limits them."""
     columns: dict[str, list[str]] = {
         "Stiffness": [_with_interval(solution, f"{spring}.stiffness", 1e-6, "MN m/rad") for spring in solution.springs],
+        **_steps(solution),
         "Lost motion": [
             _with_interval(solution, f"{joint}.lost_motion", _ARC_MIN, "arc min") for joint in solution.joints
         ],
@@ -43,10 +44,24 @@ def gears_section(solution: TransmissionSolution, validation: TransmissionValida
         "Reached: largest torque behind the gear from its mean, over the rated one. "
         "Residual and error: of the deflection's size, root mean squares."
     )
+    if any(".stiffness_" in name for name in solution.estimate.names):
+        caption += " K2, K3: stiffness beyond the torques that `stiffness_torques_nm` states; *Stiffness* is K1."
     if not solution.rated_stated.all():
         caption += " m: no rated torque is stated, the largest in the records stands for it."
     table = Table(("Joint", *columns), rows, caption=caption, styles=styles)
     return Section("Gears", "What the gears are, from the angles of both of their sides.", (table,), "gears")
+
+
+def _steps(solution: TransmissionSolution) -> dict[str, list[str]]:
+    """Stiffness from each torque of a data sheet on; no column where no gear has any."""
+    found: dict[str, list[str]] = {}
+    most = max(
+        sum(name.startswith(f"{joint}.stiffness_") for name in solution.estimate.names) for joint in solution.joints
+    )
+    for step in range(2, most + 2):
+        names = [f"{joint}.stiffness_{step}" for joint in solution.joints]
+        found[f"K{step}"] = [_with_interval(solution, name, 1e-6, "MN m/rad") for name in names]
+    return found
 
 
 def _slope_inside(solution: TransmissionSolution, gear: int) -> str:

@@ -1,5 +1,7 @@
 """The law of a gear: against its closed forms, and against a walk through all samples."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,19 @@ def test_a_stiffening_gear_solves_its_cubic():
     torque = np.linspace(-1000, 1000, 41)[:, None]
     x = deflections(law(stiffening=3e6), torque, 10.0, np.zeros(1))
     np.testing.assert_allclose(2e6 * x * (1 + 3e6 * x**2), torque, rtol=1e-8, atol=1e-6)
+
+
+def test_stiffness_that_rises_in_steps_bends_by_the_sum_of_its_pieces():
+    gear = replace(law(), torques=np.array([200.0, 600.0]), rises=np.array([[0.25, 0.35]]))
+    torque = np.array([-1000.0, -300, 0, 100, 200, 400, 600, 1000])[:, None]
+    x = deflections(gear, torque, 10.0, np.zeros(1))[:, 0]
+    size = np.abs(torque[:, 0])
+    pieces = (
+        np.minimum(size, 200) / 2e6
+        + np.clip(size - 200, 0, 400) / (1.25 * 2e6)
+        + np.maximum(size - 600, 0) / (1.6 * 2e6)
+    )
+    np.testing.assert_allclose(x, np.sign(torque[:, 0]) * pieces, rtol=1e-9, atol=1e-12)
 
 
 def test_from_rest_hysteresis_goes_to_its_slip_torque_exponentially():

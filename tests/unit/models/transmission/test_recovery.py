@@ -129,3 +129,23 @@ def test_a_gear_that_bears_little_of_its_rated_torque_has_the_hysteresis_that_it
     solution = fit_transmissions(robot(), little, OPTIONS)
     assert solution.reached[solution.joints.index("turn")] < 0.1 * RATED["turn"]
     assert interval(solution, "turn.slip")[1] == pytest.approx(gear.slip, rel=0.12)
+
+
+def test_a_gear_whose_stiffness_rises_in_steps_has_that_of_its_data_sheet():
+    gear = Gear(slip=5.0, reach=2e-4, steps=((40.0, 1.35), (120.0, 1.6)))
+    every, torques = motions(gear), {"turn": (40.0, 120.0), "lift": (40.0, 120.0)}
+    stepped = replace(OPTIONS, stiffness_torques_nm=torques)
+    solution = fit_transmissions(robot(), every[:2], stepped)
+    found = validate_transmissions(robot(), solution, every[2:], stepped, fit_findings(solution, stepped))
+    assert found.outcome.grade.value == TRUST, found.outcome.grade.sentence
+    for joint in ("turn", "lift"):
+        for name, times in (
+            (f"gear_{joint}.stiffness", 1),
+            (f"{joint}.stiffness_2", 1.35),
+            (f"{joint}.stiffness_3", 1.6),
+        ):
+            low, value, high = interval(solution, name)
+            assert low < times * gear.stiffness < high
+            assert value == pytest.approx(times * gear.stiffness, rel=0.02)
+    cubic = fit_transmissions(robot(), every[:2], OPTIONS)
+    assert np.all(cubic.residual > 5 * solution.residual)
