@@ -20,6 +20,7 @@ from robid.models.elastic.fit.nuisance.missing_springs import (
     leave_room,
     unexcluded_springs,
 )
+from robid.models.elastic.fit.nuisance.shares import following_rotors
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.fit.problem import Problem, make_problem
 from robid.models.elastic.fit.solution import LONGEST_STEP, NuisanceEstimates, Spread
@@ -58,7 +59,9 @@ def cluster_evidence(
     error, derivative = problem.linear(internal)
     variance, middle = problem.parameters.prior_std**2, internal
     if nuisances is not None:
-        error, derivative = nuisances.error, np.concatenate([derivative, nuisances.columns], axis=-1)
+        error, names = nuisances.error, problem.parameters.names
+        derivative = following_rotors(derivative, names, nuisances.nuisances, nuisances.columns, nuisances.each)
+        derivative = np.concatenate([derivative, nuisances.columns], axis=-1)
         variance = np.concatenate([variance, nuisances.common_std**2])
         middle = np.concatenate([internal, nuisances.amounts])
     # Information and score of each configuration, summed over a cluster, whose parameters are the same. What is

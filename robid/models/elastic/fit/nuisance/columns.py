@@ -27,6 +27,7 @@ from robid.models.elastic.fit.nuisance.effects import (
 )
 from robid.models.elastic.fit.nuisance.moves import PERCENT, stiffened
 from robid.models.elastic.fit.nuisance.scene import Scene
+from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.rest_model import (
     NO_LOAD_RAD,
     TURN_10_HZ,
@@ -81,7 +82,20 @@ def _(effect: LateDrive, scene: Scene) -> ComplexArray:
 
 @column.register
 def _(effect: ValueOff, scene: Scene) -> ComplexArray:
-    return np.asarray(scene.slopes(effect.kind)[..., effect.element] * value_of_one(effect, scene.stated))
+    own = value_of_one(effect, scene.stated)
+    if effect.kind in FRICTION:
+        own *= float(rotor_ratios(scene.problem, scene.values)[effect.element])
+    return np.asarray(scene.slopes(effect.kind)[..., effect.element] * own)
+
+
+FRICTION = ("viscous", "arm_viscous")
+"""Kinds of viscous friction, which is as much more as an estimated rotor's inertia is more than the file's."""
+
+
+def rotor_ratios(problem: Problem, values: ElasticParameters) -> FloatArray:
+    """Inertias of rotors (n_joint,) that a fit estimates over those it began with; 1 where there are none."""
+    nominal = problem.parameters.nominal.motor_inertia
+    return np.asarray(np.where(nominal > 0, values.motor_inertia / np.where(nominal > 0, nominal, 1.0), 1.0))
 
 
 def value_of_one(effect: ValueOff, values: ElasticParameters) -> float:

@@ -17,6 +17,7 @@ from robid.models.elastic.fit.nuisance.missing_springs import expected_cost
 from robid.models.elastic.fit.nuisance.off_robot import LEAST_COMPLIANCE, OffRobot, are_put_in, may_differ, put_in
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene, moves_matrices_alone
+from robid.models.elastic.fit.nuisance.shares import following_rotors
 from robid.models.elastic.fit.nuisance.shifts import find_shifts
 from robid.results.levenberg import Normal, minimise
 from robid.robot.linearize import Shifts
@@ -211,18 +212,21 @@ class Descent:
         state, off = self._space.state(internal), self._off(internal)
         self._columns = off.problem.rows(self._nuisance_columns(state, off))
         left = self._left(internal, off)
-        derivative = np.concatenate([off.problem.rows(off.problem.linear(state.point)[1]), self._columns], axis=-1)
-        clusters = self._start.clusters
+        clusters, each = self._start.clusters, self._each(state)
+        own = off.problem.rows(off.problem.linear(state.point)[1])
+        names = off.problem.parameters.names
+        own = following_rotors(own, names, self._start.nuisances, self._columns, state.amounts + each)
+        derivative = np.concatenate([own, self._columns], axis=-1)
         whole = derivative.shape[-1]
-        own = self._space.size + self._space.differing
+        added = self._space.size + self._space.differing
         hessian, score = np.diag(self._space.precision), np.zeros(internal.size)
         # Parameters and common amounts have rows in all clusters, what one adds only in its own: the Hessian is an
         # arrow, filled cluster by cluster. The residual is what is left, so its derivative has the other sign.
         for number, cluster in enumerate(clusters):
             rows = derivative[cluster].reshape(-1, whole)
             inner, pull = self.share * (rows.T @ rows), self.share * (rows.T @ left[cluster].ravel())
-            at = whole + number * own.size + np.arange(own.size)
-            every, kept = np.concatenate([np.arange(whole), at]), np.concatenate([np.arange(whole), own])
+            at = whole + number * added.size + np.arange(added.size)
+            every, kept = np.concatenate([np.arange(whole), at]), np.concatenate([np.arange(whole), added])
             unit = self._space.unit[every]
             hessian[np.ix_(every, every)] += inner[np.ix_(kept, kept)] * np.outer(unit, unit)
             score[every] += pull[kept] * unit
@@ -233,10 +237,14 @@ class Descent:
         if self._seen is None or not np.array_equal(self._seen[0], internal):
             state = self._space.state(internal)
             start, given = self._start, self._given
-            each = spread_over(start.clusters, self._space.added(state))
+            each = self._each(state)
             known = start.problem, state.point, given.robot, given.options
             self._seen = internal.copy(), put_in(*known, start.nuisances, state.amounts, each)
         return self._seen[1]
+
+    def _each(self, state: State) -> FloatArray:
+        """What each configuration adds (n_conf, n_nuisance)."""
+        return spread_over(self._start.clusters, self._space.added(state))
 
     def _left(self, internal: FloatArray, off: OffRobot) -> FloatArray:
         """Weighted residuals (n_conf, n_row), what is not put into the robot by its columns."""

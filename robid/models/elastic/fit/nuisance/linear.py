@@ -64,6 +64,11 @@ class LinearNuisances(NuisanceSet):
     added: FloatArray
 
     @property
+    def each(self) -> FloatArray:
+        """By how much each configuration is off there (n_conf, n_nuisance)."""
+        return self.amounts + spread_over(self.clusters, self.added)
+
+    @property
     def error(self) -> ComplexArray:
         """What is left (n_conf, n_freq, n_out, n_in) at the point by the amounts alone: without what clusters add."""
         error = self.problem.residual(self.point, self.problem.model_response(self.point))

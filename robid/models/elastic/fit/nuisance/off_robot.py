@@ -8,7 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
-from robid.models.elastic.fit.nuisance.columns import clinging_stiffness, gear_share, value_of_one
+from robid.models.elastic.fit.nuisance.columns import (
+    FRICTION,
+    clinging_stiffness,
+    gear_share,
+    rotor_ratios,
+    value_of_one,
+)
 from robid.models.elastic.fit.nuisance.effects import (
     Compliance,
     GearShare,
@@ -166,12 +172,14 @@ def put_in(
     ]
     for spring in further:
         options = fix_options(options, robot, spring)
-    values = extended_values(_off_values(problem.parameters.parameters(point), nuisances, amounts), further)
+    now, file = problem.parameters.parameters(point), robot.motor_inertia_kgm2
+    rotors = file, rotor_ratios(problem, now)
+    values = extended_values(_off_values(now, nuisances, amounts, rotors), further)
     robot = moved_robot(replace(robot, springs=(*robot.springs, *further)), nuisances, amounts)
     options = replace(options, statics=statics)
     model = with_estimated_links(rest_model(robot, frf, options, float(values.delay[0]), values), problem)
     known = frf.coefficient_names, frf.coefficient_relative_std, frf.coefficient_offset
-    nominal = _off_values(nominal_parameters(robot, model, delay_s), nuisances, amounts)
+    nominal = _off_values(nominal_parameters(robot, model, delay_s), nuisances, amounts, rotors)
     own, free = problem.parameters, replace(options, bounds={})
     parameters = replace(
         map_parameters(robot, nominal, free, *known), element_scale=own.element_scale, lower=own.lower, upper=own.upper
@@ -184,8 +192,14 @@ def put_in(
     return OffRobot(robot, options, replace(resting, model=model))
 
 
-def _off_values(values: ElasticParameters, nuisances: Sequence[Nuisance], amounts: FloatArray) -> ElasticParameters:
-    """Values, of which those that no fit estimates are off."""
+def _off_values(
+    values: ElasticParameters,
+    nuisances: Sequence[Nuisance],
+    amounts: FloatArray,
+    rotors: tuple[FloatArray, FloatArray],
+) -> ElasticParameters:
+    """Values, of which those that no fit estimates are off; with the file's rotors (n_joint,), and the ratios to it."""
+    stated = replace(values, motor_inertia=rotors[0])
     off: dict[str, FloatArray] = {}
     for each, amount in zip(nuisances, amounts.tolist(), strict=True):
         if isinstance(each.effect, ValueOff):
@@ -193,7 +207,8 @@ def _off_values(values: ElasticParameters, nuisances: Sequence[Nuisance], amount
             if each.effect.kind in ("stiffness", "damping", "motor_inertia"):
                 own[each.effect.element] *= 1 + amount / PERCENT
             else:
-                own[each.effect.element] += amount * value_of_one(each.effect, values)
+                more = float(rotors[1][each.effect.element]) if each.effect.kind in FRICTION else 1.0
+                own[each.effect.element] += amount * more * value_of_one(each.effect, stated)
     return replace(values, **off)
 
 

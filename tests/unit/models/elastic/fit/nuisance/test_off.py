@@ -22,6 +22,7 @@ from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.nuisance.off_robot import are_put_in, may_differ, put_in
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene
+from robid.models.elastic.fit.nuisance.shares import following_rotors
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.robot.linearize import axial_inertia
 from robid.robot.model import build_model
@@ -269,3 +270,28 @@ def test_nothing_off_is_the_problem_s_own_robot(problem):
     assert off.robot == replace(robot)
     assert off.problem.model.added is None
     assert off.problem.model.clinging is None
+
+
+@pytest.mark.parametrize("kind", [MotorFriction, ValueOff])
+def test_friction_follows_the_rotor_that_is_estimated(problem, kind):
+    robot, nuisances = two_joint_robot(), list_nuisances(two_joint_robot(), OPTIONS)
+    amounts, added = drawn(nuisances, 5, kind, None if kind is MotorFriction else ("arm_viscous",))
+    amounts = 20 * amounts
+    point, names = np.zeros(len(problem.parameters.names)), problem.parameters.names
+    given = robot, OPTIONS, nuisances
+
+    def model(at):
+        off = put_in(problem, at, *given, amounts, added)
+        return np.log(off.problem.model_response(at))
+
+    off = put_in(problem, point, *given, amounts, added)
+    columns = nuisance_columns(off.problem, point, off.robot, off.options, nuisances, all_rest=False)
+    alone = off.problem.linear(point)[1]
+    found = following_rotors(alone, names, nuisances, columns, amounts + added)
+    share = off.problem.residual_kind.per_relative(off.problem.model_response(point))
+    for joint in robot.joints:
+        index = names.index(f"{joint.name}.motor_inertia")
+        step = 1e-5 * (np.arange(point.size) == index)
+        by_differences = share * (model(point + step) - model(point - step)) / 2e-5
+        error = np.abs(found[..., index] - by_differences).max()
+        assert error < 0.02 * np.abs(alone[..., index] - by_differences).max()
