@@ -8,6 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from robid.arrays import BoolArray, ComplexArray, FloatArray
+from robid.models.elastic.fit.nuisance.columns import FRICTION
 from robid.models.elastic.fit.nuisance.effects import MotorFriction, Nuisance, ValueOff
 
 _Rows = TypeVar("_Rows", FloatArray, ComplexArray)
@@ -20,9 +21,7 @@ def are_shares(nuisances: Sequence[Nuisance]) -> BoolArray:
 
 def _is_share(nuisance: Nuisance) -> bool:
     effect = nuisance.effect
-    return isinstance(effect, MotorFriction) or (
-        isinstance(effect, ValueOff) and effect.kind in ("viscous", "arm_viscous")
-    )
+    return isinstance(effect, MotorFriction) or (isinstance(effect, ValueOff) and effect.kind in FRICTION)
 
 
 def following_rotors(
