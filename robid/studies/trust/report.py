@@ -156,8 +156,9 @@ def bars(study: TrustStudy) -> dict[str, Asked]:
             found |= {f"{name}.physical.{key}": ASKED[f"listed.physical.{key}"] for key in ("coverage_95", "worst")}
         else:
             found[f"{name}.trusted_wrong"] = ASKED["unlisted.trusted_wrong"]
-    named = ["effective.coverage_95"] * any(defects.robot == "heavy" for defects in study.sets.values())
-    named += ["width_ratio"] * bool(study.sets or study.linear)
+    heavy = any(defects.robot == "heavy" for defects in study.sets.values())
+    named = ["effective.coverage_95"] * heavy
+    named += ["width_ratio"] * (heavy or (study.linear is not None and study.linear.drawn > 0))
     if study.linear is not None:
         named += ["linear.coverage_95"] * (study.linear.drawn > 0)
         named += ["linear.file.coverage_95"] * (study.linear.file > 0)

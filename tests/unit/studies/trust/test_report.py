@@ -29,6 +29,8 @@ def test_every_set_has_the_bars_of_its_kind():
         *of_single,
     }
     assert bars(study.model_copy(update={"linear": None, "causes": {}, "sets": {}})).keys() == of_single
+    of_light = {"linear": None, "causes": {}, "single": None, "sets": {"light": study.sets["light"]}}
+    assert bars(study.model_copy(update=of_light)).keys() == {"light.effective.coverage_95"}  # it has no other figures
 
 
 def test_the_rule_states_what_is_asked():
