@@ -20,7 +20,7 @@ KR300 = Path(__file__).parents[2] / "configs" / "kr300.yaml"
 FREQUENCY_HZ = np.geomspace(2.0, 60.0, 40)
 OPTIONS = ElasticOptions(free=("stiffness", "damping", "motor_inertia"))
 STATED = NuisanceStd(
-    coupling_std=0.0, arm_friction=0.0, friction=0.0, loss_factor=0.0, load_stiffness=0.0, compliance=0.0
+    coupling_std=0.0, arm_friction=0.0, friction=0.0, loss_factor=0.0, load_stiffness=0.0, compliance=0.0, delay_s=0.0
 )
 PLACES, RUNS = 6, 30
 
