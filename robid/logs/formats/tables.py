@@ -81,7 +81,7 @@ _DATED = ("date", "numbers")  # kinds of moments that have a date
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _PLACED = re.compile(r"(?P<code>\w+) (?P<line>line \d+): (?P<what>.*)", re.DOTALL)
-_BEGINS_NUMBERS = "0123456789+-.,"
+_BEGINS_NUMBERS = re.compile(r"[+-]?[.,]?\d")
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
@@ -212,10 +212,12 @@ class _Table:
         return kept
 
     def _is_text(self, line: str) -> bool:
-        """Whether a line, of as many words as the table has columns, holds neither a number nor a word for a gap."""
-        if self._layout.kinds[0] != "number" or line.lstrip(AROUND)[:1] in _BEGINS_NUMBERS:
+        """Whether a line, of as many words as the table has columns, holds no number, and not gaps instead of them."""
+        kinds = self._layout.kinds
+        if kinds[0] != "number" or _BEGINS_NUMBERS.match(line.lstrip(AROUND)) or self._has_number(line):
             return False
-        return not self._has_number(line) and not any(map(is_missing, self._layout.cells(line)))
+        of_numbers = (cell for cell, kind in zip(self._layout.cells(line), kinds, strict=False) if kind == "number")
+        return not all(map(is_missing, of_numbers))
 
     def _has_number(self, line: str) -> bool:
         layout = self._layout
