@@ -81,7 +81,7 @@ _DATED = ("date", "numbers")  # kinds of moments that have a date
 CHUNK = 1 << 20
 """Characters that are read at a time; memory beyond the columns themselves is less than ten times that."""
 _PLACED = re.compile(r"(?P<code>\w+) (?P<line>line \d+): (?P<what>.*)", re.DOTALL)
-_BEGINS_NUMBERS = re.compile(r"[+-]?[.,]?\d")
+_BEGINS_NUMBERS, _DIGIT = re.compile(r"[+-]?[.,]?\d"), re.compile(r"\d")
 _BOMS = ((codecs.BOM_UTF8, "utf-8-sig"), (codecs.BOM_UTF16_LE, "utf-16"), (codecs.BOM_UTF16_BE, "utf-16"))
 
 
@@ -214,10 +214,11 @@ class _Table:
     def _is_text(self, line: str) -> bool:
         """Whether a line, of as many words as the table has columns, holds no number, and not gaps instead of them."""
         kinds = self._layout.kinds
-        if kinds[0] != "number" or _BEGINS_NUMBERS.match(line.lstrip(AROUND)) or self._has_number(line):
+        begins = _BEGINS_NUMBERS.match(line.lstrip(AROUND)) if kinds[0] == "number" else _DIGIT.search(line)
+        if begins or self._has_number(line):
             return False
-        of_numbers = (cell for cell, kind in zip(self._layout.cells(line), kinds, strict=False) if kind == "number")
-        return not all(map(is_missing, of_numbers))
+        cells = zip(self._layout.cells(line), kinds, strict=False)
+        return not all(is_missing(cell) for cell, kind in cells if kind in ("number", "moment"))
 
     def _has_number(self, line: str) -> bool:
         layout = self._layout

@@ -219,11 +219,15 @@ def test_words_below_the_table_are_passed_over(tmp_path, foot):
         load(tmp_path, f"t;q\n0;1\n1;2\n{foot.rstrip()}\n3;4\n")
 
 
-@pytest.mark.parametrize("foot", ["*** end ***", "--- end ---", "+ + +", "... nan nan"])
+@pytest.mark.parametrize("foot", ["*** end ***", "--- end ---", "+ + +"])
 def test_words_below_a_table_of_spaces_may_be_as_many_as_its_columns(tmp_path, foot):
     np.testing.assert_array_equal(load(tmp_path, f"0 1 5\n1 2 6\n{foot}\n")["2"], [1, 2])
     rows = "0 1 5\n--- --- ---\nnan -- nan\n3 4 5\n"  # gaps, though no number is among them
     np.testing.assert_array_equal(load(tmp_path, rows)["2"], [1, np.nan, np.nan, 4])
+    timed = f"10:00:00.5 1 5\n10:00:01.5 2 6\n{foot}\n"
+    np.testing.assert_array_equal(load(tmp_path, timed)["2"], [1, 2])
+    named = load(tmp_path, f"run 1 5\nrun nan nan\n{foot}\n")["2"]
+    np.testing.assert_array_equal(named, [1, np.nan])
 
 
 @pytest.mark.parametrize(
