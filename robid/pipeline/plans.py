@@ -55,14 +55,12 @@ def design_plan(loaded: LoadedExperiment, owner: str) -> Plan:
     campaign = loaded.experiment.campaigns[design.campaign]
     section = f"campaigns.{design.campaign}"
     cost: tuple[Part, ...] = ("motor_limits",) if design.cost == "travel" else ()
-    along = about_options(loaded.experiment, design).along()
     predicts = design.criterion == "prediction"
-    rotors: tuple[Part, ...] = ("inertia_std",) if "motor_inertia" in along or predicts else ()
-    doubts: tuple[Part, ...] = ("doubts",) if predicts else ()
     settings = {
         f"designs.{owner}": loaded.plain["designs"][owner],
         f"{section}.payload_kg": campaign.payload_kg,
-        **robot_settings(loaded, "mechanics", "range", "timing", *cost, *rotors, *doubts),
+        # What a file may be off by decides how well a fit would predict, which is stated of every choice.
+        **robot_settings(loaded, "mechanics", "range", "timing", "inertia_std", "doubts", *cost),
     }
     if design.cost == "travel":
         settings[f"{section}.visit_s"] = visit_s(loaded, campaign)
@@ -370,7 +368,7 @@ def report_plan(chain: Sequence[Stage], loaded: LoadedExperiment, owner: str) ->
         "robot.notes": list(robot.notes),
         "robot.assumed": list(assumed_names(robot)),
         "fits": loaded.plain["fits"],
-        **robot_settings(loaded, "mechanics"),
+        **robot_settings(loaded, "mechanics", "range", "motor_limits", "rated_torque"),
     }
     for name in measured_campaigns(experiment):
         campaign = experiment.campaigns[name]

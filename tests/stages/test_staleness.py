@@ -55,7 +55,13 @@ CASES = [
         FIT,
         "torque_constant_nm_a",
     ),
-    ("arm.yaml", "joints:\n", "doubts: {com_m: 0.02}\njoints:\n", FIT, "robot.doubts.com_m"),
+    (
+        "arm.yaml",
+        "joints:\n",
+        "doubts: {com_m: 0.02}\njoints:\n",
+        {"designs/best.h5"} | ESTIMATION | FIT,
+        "robot.doubts.com_m",
+    ),
     ("arm.yaml", "coulomb_nm: 0.2,", "coulomb_nm: 0.21,", RECORDS | FRFS | FIT, "friction.coulomb_nm"),
     ("arm.yaml", "damping_nms_rad: 80", "damping_nms_rad: 81", ALL, "robot.springs[1].damping_nms_rad"),
     ("arm.yaml", "integral_time_s: 0.1", "integral_time_s: 0.2", ESTIMATION | VALIDATION | FIT, "integral_time_s"),
@@ -64,7 +70,11 @@ CASES = [
 ]
 
 
-@pytest.mark.parametrize(("file", "old", "new", "stale", "why"), CASES)
+# Records name the robot that they are of by its sum, which other rated torques change; nothing else in them does.
+RATED = "max_torque_nm: 30\n", "max_torque_nm: 30\n      rated_torque_nm: 3\n", {"report.html"}, "rated_torque_nm"
+
+
+@pytest.mark.parametrize(("file", "old", "new", "stale", "why"), [*CASES, ("arm.yaml", *RATED)])
 def test_a_change_makes_exactly_what_depends_on_it_stale(done, file, old, new, stale, why):
     done.change(old, new, file)
     states = done.states()
