@@ -26,6 +26,7 @@ _TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
 _VALUES = 1 << 26  # values of a large log that are looked at; whole variables, in their order
 _WHOLE_BYTES = 1 << 27  # bytes of a binary log up to which all of it is read at once
 _FEWEST = 8  # samples from which a variable is a signal
+_LARGEST = 1e100  # of a value: its third power is a number
 _COLUMNS = 64  # columns or rows of a matrix that are looked at
 _TOLD = 20  # variables of which it is told why they are no signals
 _REMEDIES = 3  # remedies that are told with them
@@ -89,8 +90,24 @@ def read_contents(file: Path, format_: LogFormat | None = None, dialect: Dialect
     texts = [name for name, one in variables.unreadable.items() if name in variables.texts or one.what == _TEXT]
     unreadable = {name: what for name, what in unreadable.items() if what != _TEXT}
     notes += [] if damage is None else [f"{damage.what} {damage.remedy}"]
-    columns = [replace(one, source=file.name.partition(".")[0]) for one in columns]
+    columns, wild = _without_wild([replace(one, source=file.name.partition(".")[0]) for one in columns])
+    notes += wild
     return Contents(file, told, tuple(columns), scalars, tuple(texts), {**unreadable, **odd}, tuple(notes))
+
+
+def _without_wild(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
+    """The signals without values that nothing measures and whose powers overflow; and what was left out."""
+    kept, notes = [], []
+    for one in columns:
+        wild = np.isfinite(one.values) & (np.abs(one.values) > _LARGEST)
+        kept.append(replace(one, values=np.where(wild, np.nan, one.values)) if wild.any() else one)
+        if wild.any():
+            first, count = int(np.argmax(wild)), int(wild.sum())
+            notes.append(
+                f"`{one.name}`: {count} value{'s' * (count > 1)} left out, {one.values[first]:.2g} at sample {first} "
+                "first: no sensor gives that. Copy the log again: it may be damaged."
+            )
+    return kept, notes
 
 
 def _without_signals(

@@ -41,6 +41,18 @@ def test_signals_numbers_texts_and_what_is_neither(tmp_path):
     assert {"cube", "two"} <= set(found.unreadable)
 
 
+def test_values_whose_powers_overflow_are_left_out_and_said(tmp_path):
+    values = np.sin(np.arange(100.0))
+    damaged = np.where(np.arange(100) == 7, -3e202, values)
+    savemat(tmp_path / "log.mat", {"torque": damaged, "angle": values, "gap": np.where(damaged < -1, np.inf, values)})
+    found = read_contents(tmp_path / "log.mat")
+    kept = {one.name: one.values for one in found.columns}
+    assert np.flatnonzero(np.isnan(kept["torque"])).tolist() == [7]
+    assert (kept["angle"] == values).all()
+    assert np.isinf(kept["gap"][7])
+    assert [note for note in found.notes if "`torque`: 1 value " in note and "sample 7" in note] == [*found.notes]
+
+
 def test_a_log_without_signals_says_why_each_variable_is_none(tmp_path):
     savemat(tmp_path / "log.mat", {"note": "today", "cube": np.zeros((4, 4, 4)), "two": [1.0, 2], "Ts": 1e-3})
     with pytest.raises(DataError, match="no signals") as caught:
