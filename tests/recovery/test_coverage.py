@@ -31,6 +31,8 @@ def two_joint_case():
 
 def kr300_case():
     nominal = LOADED.robot.to_robot()
+    sure = [replace(joint, motor=replace(joint.motor, inertia_relative_std=0.0)) for joint in nominal.joints]
+    nominal = replace(nominal, joints=tuple(sure))
     factors = np.exp(np.random.default_rng(1).uniform(-np.log(2), np.log(2), (2, len(nominal.springs))))
     true = with_spring_factors(nominal, *factors)
     limits = np.array([[joint.lower, joint.upper] for joint in nominal.joints])

@@ -83,11 +83,12 @@ def test_the_hysteresis_that_is_named_can_be_followed_and_keeps_its_promise(tmp_
     shop = workshop(tmp_path, monkeypatch)
     _, plain = measured(shop, "hysteresis_nm: 15")
     finding = grade_from_artifact(read_artifact(shop.runs.joinpath(*MODEL_FILE), MODEL)).findings[0]
-    told = r"slips late .* would explain (\d+)% of the misfit \(try `(free: \[gear_turn.hysteresis\])`"
+    told = r"slips late .* would explain up to (\d+)% of the misfit \(try `(free: \[gear_turn.hysteresis\])`"
     share, free = re.search(told, finding.message).groups()
     tried = shop.robid("fit", "small.yaml", "--try", "gear_turn.hysteresis", "--json")
     assert tried.code == 0, tried.err
-    assert 1 - tried.json["after"]["cost"] / tried.json["before"]["cost"] > int(share) / 100 - 0.1
+    # The share is that of a column at liberty; the gear beside it slips too.
+    assert 0.5 < (1 - tried.json["after"]["cost"] / tried.json["before"]["cost"]) / (int(share) / 100) < 1.1
     after, estimated = fitted(shop, free)
     assert after == pytest.approx(tried.json["after"]["cost"], rel=0.01)
     assert off(estimated, shop, "stiffness")[0] < 0.3 * off(plain, shop, "stiffness")[0]

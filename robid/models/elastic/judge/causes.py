@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.models.elastic.fit.gear_motion import swings_known
 from robid.models.elastic.fit.nuisance.effects import Nuisance
 from robid.models.elastic.fit.nuisance.kinds import ZERO
-from robid.models.elastic.fit.nuisance.listing import list_nuisances
+from robid.models.elastic.fit.nuisance.listing import list_nuisances, slipping_name
 from robid.models.elastic.fit.nuisance.wording import free_with, remedy
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -72,6 +72,8 @@ def of_nuisances(scores: Scores, group: list[int], fitted: FittedModel, *, swing
         tuple(_zero_setting(*each) for each in zip(named, amounts.tolist(), strict=True))
         if named[0].cause == ZERO
         else (),
+        # A column of hysteresis fits any gear's loss; a torque of slip must act as the measured swing says.
+        at_most=any(slipping_name(each) is not None for each in named),
     )
 
 
@@ -187,8 +189,9 @@ def _finding(estimate: Estimate, found: Explanation, ranked: Sequence[Explanatio
         len(ranked) > 1
     )
     told = f" ({'; '.join(hints)})" if hints else ""
+    share = f"{'up to ' * found.at_most}{found.share:.0%}"
     message = (
-        f"{found.what} would explain {found.share:.0%} of the misfit{told} and move {estimate.names[worst]} by "
+        f"{found.what} would explain {share} of the misfit{told} and move {estimate.names[worst]} by "
         f"{two_digits(float(widths[worst]))} half-widths of its interval"
     )
     if ruined is not None:

@@ -119,6 +119,7 @@ class Explanation:
     free: tuple[str, ...] = ()  # Names that free it; none where no fit can estimate it
     fixed: tuple[str, ...] = ()  # Names that the options keep at the file's value, though their kind is estimated
     correct: tuple[str, ...] = ()  # What to correct in robot file or log description, where no fit can estimate it
+    at_most: bool = False  # Whether what `free` estimates is less at liberty than what was tested
 
     @property
     def what(self) -> str:
