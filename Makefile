@@ -37,8 +37,8 @@ study: $(STAMP) ## run a study, as in make study NAME=frf
 test: $(STAMP) ## run the tests, on all cores
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -m "not slow and not hard" -n auto --dist worksteal
 
-test-slow: $(STAMP) ## run the tests that take minutes
-	$(BIN)/python -m pytest -q -s -m slow
+test-slow: $(STAMP) ## run the tests that take minutes, an hour on two cores, and print their figures
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q -rP -m slow -n auto --dist worksteal
 
 test-hard: $(STAMP) ## attack it for an hour: mutated settings, damaged files; counts in runs/hard/summary.json
 	rm -rf runs/hard
