@@ -49,5 +49,6 @@ def test_the_response_of_axis_1_is_that_of_the_true_robot_at_angles_left_out(tmp
     assert np.median(decibels) < 0.1
     assert nearest > 0.5
     assert np.all(shift <= 1)
-    assert summary["fits.axis_1.validation.excess"] < 0.12
+    # At the resonance, where five states follow the response least; below a hundredth in the median.
+    assert summary["fits.axis_1.validation.excess"] < 0.2
     assert summary["fits.axis_1.blocks_dropped"] > 0
