@@ -291,7 +291,7 @@ def remarks(found: Findings, signal: Signal) -> list[str]:
         told.append(f"has {quality.values} different values only")
     if quality.missing:
         told.append(
-            f"{quality.missing} values are NaN or infinite, the first at sample {quality.first_missing},"
+            f"NaN or infinite at {quality.missing} of its samples, the first {quality.first_missing},"
             f" {quality.longest_missing} in a row at most"
         )
     if quality.saturated:
