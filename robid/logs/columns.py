@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import Variables, find_variable, series_of, tell_format
+from robid.logs.formats.variables import LARGEST, Variables, find_variable, series_of, tell_format
 from robid.logs.mapping import Columns, LogMapping, Stream
 from robid.logs.streams import (
     NoSumError,
@@ -274,16 +274,19 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
     time = None if mapping.time is None else mapping.time.variable
     for name, column in columns.items():
         where = mapping.place(name)
-        bad = np.flatnonzero(~np.isfinite(column))
+        none = ~np.isfinite(column)
+        wild = none if none.any() else np.abs(column.astype(float)) > LARGEST
+        lone = _absurd_sample(column) if name != time and wild.sum() <= 1 and not none.any() else None
+        bad = np.flatnonzero(wild & (lone is None))
         if len(bad):
-            at = first + bad[0]
-            what = f"D043 {len(bad)} of {len(column)} values are NaN or infinite, the first at sample {at}."
+            at, kind = first + bad[0], "NaN or infinite" if none.any() else f"beyond {LARGEST:g}"
+            what = f"D043 {len(bad)} of {len(column)} values are {kind}, the first at sample {at}."
             cut = remedy or "Record again, or cut the log to whole periods without them."
             problems.append(DataError(what, where=f"{where}, sample {at}", remedy=cut))
         elif name != time and np.ptp(column) == 0 and not (mapping.one_shot or mapping.takes_turns):
             check = "Check that the channel was connected and that the variable is the right one."
             problems.append(DataError(f"D044 It is constant ({column[0]:g}).", where=where, remedy=check))
-        elif name != time and (lone := _absurd_sample(column)) is not None:
+        elif lone is not None:
             what = (
                 f"D045 It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
             )

@@ -1,5 +1,7 @@
 """A changed section makes exactly what depends on it stale."""
 
+import re
+import shutil
 from pathlib import Path
 
 import pytest
@@ -102,6 +104,28 @@ def test_what_stays_fresh_would_come_out_the_same(done, case):
     assert {path: after[path] for path in after if path not in stale} == {
         path: before[path] for path in before if path not in stale
     }
+
+
+NUMBER = re.compile(r"(?<![\w.])-?\d+(\.\d+)?(e[+-]?\d+)?(?![\w.])")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("part", range(4))
+def test_no_number_of_a_robot_changes_what_stays_fresh(done, part):
+    file, before, tried = done.folder / "arm.yaml", done.contents(), 0
+    text = file.read_text()
+    numbers = [each for each in NUMBER.finditer(text) if each.start() > text.index("position_gain")]
+    for each in numbers[part::4]:
+        other = "2" if text[: each.start()].endswith("delay_samples: ") else f"{1.01 * float(each.group()) or 1e-3:.6g}"
+        file.write_text(text[: each.start()] + other + text[each.end() :])
+        fresh = {output for output, (status, _) in done.states().items() if status == "fresh"} & {*before}
+        shutil.rmtree(done.folder / "other", ignore_errors=True)
+        assert done.robid("run", "small.yaml", "--run-dir", "other").code in (0, 5)
+        after = done.contents(done.folder / "other")
+        where = text[max(each.start() - 40, 0) : each.end()]
+        assert {path: after[path] for path in fresh} == {path: before[path] for path in fresh}, where
+        tried += len(fresh) > 0
+    assert tried > len(numbers) // 16
 
 
 def test_run_makes_again_what_is_stale_and_nothing_else(done):

@@ -24,6 +24,9 @@ from robid.signals.log_options import LogFormat
 
 _Name = TypeVar("_Name", bound=str)
 
+LARGEST = 1e100
+"""Of a value that a sensor may give: powers of larger ones are no numbers."""
+
 
 @dataclass(frozen=True)
 class Format:

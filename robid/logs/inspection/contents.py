@@ -19,14 +19,13 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.unpacking import open_bytes
-from robid.logs.formats.variables import FORMATS, Variables, series_of, series_place, tell_format
+from robid.logs.formats.variables import FORMATS, LARGEST, Variables, series_of, series_place, tell_format
 from robid.signals.log_options import Dialect, LogFormat
 
 _TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
 _VALUES = 1 << 26  # values of a large log that are looked at; whole variables, in their order
 _WHOLE_BYTES = 1 << 27  # bytes of a binary log up to which all of it is read at once
 _FEWEST = 8  # samples from which a variable is a signal
-_LARGEST = 1e100  # of a value: its third power is a number
 _COLUMNS = 64  # columns or rows of a matrix that are looked at
 _TOLD = 20  # variables of which it is told why they are no signals
 _REMEDIES = 3  # remedies that are told with them
@@ -99,7 +98,7 @@ def _without_wild(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     """The signals without values that nothing measures and whose powers overflow; and what was left out."""
     kept, notes = [], []
     for one in columns:
-        wild = np.isfinite(one.values) & (np.abs(one.values) > _LARGEST)
+        wild = np.isfinite(one.values) & (np.abs(one.values) > LARGEST)
         kept.append(replace(one, values=np.where(wild, np.nan, one.values)) if wild.any() else one)
         if wild.any():
             first, count = int(np.argmax(wild)), int(wild.sum())

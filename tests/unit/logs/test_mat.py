@@ -183,12 +183,14 @@ def test_a_wrong_length_is_named(tmp_path):
     assert "variable `q_load`: D048 It has 4997 samples, the other channels have 5000" in message
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_nan_and_infinity_are_located(tmp_path, value):
+@pytest.mark.parametrize(
+    ("value", "told"), [(np.nan, "NaN or infinite"), (np.inf, "NaN or infinite"), (-3e202, "beyond 1e+100")]
+)
+def test_values_that_are_none_are_located(tmp_path, value, told):
     signals = make_signals()
     signals["q_motor"][[1234, 2000]] = value
     message = refused(tmp_path, signals)
-    assert "variable `q_motor`, sample 1234: D043 2 of 5000 values are NaN or infinite" in message
+    assert f"variable `q_motor`, sample 1234: D043 2 of 5000 values are {told}" in message
 
 
 @pytest.mark.parametrize("name", ["iq", "q_motor"])
