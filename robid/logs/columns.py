@@ -290,7 +290,7 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
             what = (
                 f"D045 It is {column[lone]:g} for one sample, more than {_ABSURD:g} times the range of all others away."
             )
-            read = f"{remedy or 'Record again'}, or copy the log again: it may be damaged."
+            read = f"{remedy.removesuffix('.') or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
     return problems
 

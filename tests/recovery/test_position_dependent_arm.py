@@ -32,10 +32,15 @@ def true_response(configurations, frequency_hz):
     return response(linear, nominal, frequency_hz, controller.sampling_period_s).sampled[..., 0, 0]
 
 
-def test_the_response_of_axis_1_is_that_of_the_true_robot_at_angles_left_out(tmp_path):
-    folder = tmp_path / "run"
+@pytest.fixture(scope="module")
+def done(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm") / "run"
     assert run_command(["run", str(EXAMPLE), "--run-dir", str(folder)]) == 0
-    summary = json.loads((folder / "summary.json").read_text())
+    return folder, json.loads((folder / "summary.json").read_text())
+
+
+def test_the_response_of_axis_1_is_that_of_the_true_robot_at_angles_left_out(done):
+    folder, summary = done
     frf = frf_from_artifact(read_artifact(folder / "left_out" / "frf.h5", FRF))
     exact = true_response(frf.configurations, frf.frequency_hz)
     model = evaluate(folder / "fits" / "axis_1" / "model.h5")
@@ -49,6 +54,9 @@ def test_the_response_of_axis_1_is_that_of_the_true_robot_at_angles_left_out(tmp
     assert np.median(decibels) < 0.1
     assert nearest > 0.5
     assert np.all(shift <= 1)
-    # At the resonance, where five states follow the response least; below a hundredth in the median.
-    assert summary["fits.axis_1.validation.excess"] < 0.2
     assert summary["fits.axis_1.blocks_dropped"] > 0
+
+
+@pytest.mark.xfail(strict=True, reason="0.15 at the resonance with 2 of 12 blocks; 0.09 with the 6 that it once kept")
+def test_no_line_is_far_off(done):
+    assert done[1]["fits.axis_1.validation.excess"] < 0.12

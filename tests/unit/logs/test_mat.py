@@ -191,6 +191,7 @@ def test_values_that_are_none_are_located(tmp_path, value, told):
     signals["q_motor"][[1234, 2000]] = value
     message = refused(tmp_path, signals)
     assert f"variable `q_motor`, sample 1234: D043 2 of 5000 values are {told}" in message
+    assert "from_s to 2.001" in message
 
 
 @pytest.mark.parametrize("name", ["iq", "q_motor"])
