@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import LARGEST, Variables, find_variable, series_of, tell_format
+from robid.logs.formats.variables import LARGEST, Variables, find_variable, measurable, series_of, tell_format
 from robid.logs.mapping import Columns, LogMapping, Stream
 from robid.logs.streams import (
     NoSumError,
@@ -275,7 +275,7 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
     for name, column in columns.items():
         where = mapping.place(name)
         none = ~np.isfinite(column)
-        wild = none if none.any() else np.abs(column.astype(float)) > LARGEST
+        wild = none if none.any() else ~measurable(column)
         lone = _absurd_sample(column) if name != time and wild.sum() <= 1 and not none.any() else None
         bad = np.flatnonzero(wild & (lone is None))
         if len(bad):

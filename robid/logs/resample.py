@@ -15,7 +15,7 @@ from scipy.signal.windows import hann
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
-from robid.logs.formats.variables import LARGEST
+from robid.logs.formats.variables import measurable
 from robid.logs.losses import Part, part_losses
 from robid.logs.mapping import Columns, LogMapping, Stated, set_all
 from robid.logs.pace import GAP, longest_piece
@@ -237,7 +237,7 @@ def whole_piece(mapping: LogMapping, columns: Columns, part: slice, stated: Stat
     if stop - first < _FEWEST:
         return ""
     steps = np.diff(time)
-    told = [np.abs(column[: len(time)]) <= LARGEST for column in columns.values() if column.dtype.kind == "f"]
+    told = [measurable(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
     sound = np.logical_and.reduce([np.isfinite(time), *told])
     whole = np.concatenate([sound[1:] & sound[:-1] & ~(steps > GAP * np.nanmedian(steps)), [False]])
     whole[:first], whole[max(stop - 1, 0) :] = False, False

@@ -28,6 +28,11 @@ LARGEST = 1e100
 """Of a value that a sensor may give: powers of larger ones are no numbers."""
 
 
+def measurable(values: NDArray[Any]) -> NDArray[np.bool_]:
+    """Returns which values a sensor may give: numbers, none of them too large."""
+    return np.asarray(np.abs(values.astype(float)) <= LARGEST)  # in single precision there is no such limit
+
+
 @dataclass(frozen=True)
 class Format:
     """A format of logs."""

@@ -19,7 +19,7 @@ from robid.arrays import FloatArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.unpacking import open_bytes
-from robid.logs.formats.variables import FORMATS, LARGEST, Variables, series_of, series_place, tell_format
+from robid.logs.formats.variables import FORMATS, Variables, measurable, series_of, series_place, tell_format
 from robid.signals.log_options import Dialect, LogFormat
 
 _TABLE_BYTES = 1 << 27  # bytes of a table of text that are looked at
@@ -98,7 +98,7 @@ def _without_wild(columns: Sequence[Column]) -> tuple[list[Column], list[str]]:
     """The signals without values that nothing measures and whose powers overflow; and what was left out."""
     kept, notes = [], []
     for one in columns:
-        wild = np.isfinite(one.values) & (np.abs(one.values) > LARGEST)
+        wild = np.isfinite(one.values) & ~measurable(one.values)
         kept.append(replace(one, values=np.where(wild, np.nan, one.values)) if wild.any() else one)
         if wild.any():
             first, count = int(np.argmax(wild)), int(wild.sum())

@@ -189,6 +189,7 @@ def test_a_wrong_length_is_named(tmp_path):
 def test_values_that_are_none_are_located(tmp_path, value, told):
     signals = make_signals()
     signals["q_motor"][[1234, 2000]] = value
+    signals["iq"] = signals["iq"].astype(np.float32)  # which may lie beside doubles
     message = refused(tmp_path, signals)
     assert f"variable `q_motor`, sample 1234: D043 2 of 5000 values are {told}" in message
     assert "from_s to 2.001" in message
