@@ -57,6 +57,8 @@ def test_the_response_of_axis_1_is_that_of_the_true_robot_at_angles_left_out(don
     assert summary["fits.axis_1.blocks_dropped"] > 0
 
 
-@pytest.mark.xfail(strict=True, reason="0.15 at the resonance with 2 of 12 blocks; 0.09 with the 6 that it once kept")
+@pytest.mark.xfail(
+    strict=True, reason="0.15 at the resonance: five states miss these data by eight deviations; more are unstable"
+)
 def test_no_line_is_far_off(done):
     assert done[1]["fits.axis_1.validation.excess"] < 0.12
