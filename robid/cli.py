@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from robid.commands import own_options as own
 from robid.commands.options import (
     AsJson,
     Backend,
@@ -21,9 +22,7 @@ from robid.commands.options import (
     Strict,
     Workers,
     answering_commands,
-    export_formats,
     known_codes,
-    names_in,
 )
 from robid.commands.output import ErrorAnswer, print_json, print_plain
 from robid.commands.stages import stage_command
@@ -32,7 +31,6 @@ from robid.interrupts import code_of_interrupt, forget_interrupts, hearing, was_
 from robid.pipeline.chain import STAGES
 from robid.pipeline.graph import Run
 from robid.printable import printable
-from robid.signals.log_options import LogFormat
 from robid.streams import prepare_streams
 from robid.versions import __version__
 
@@ -171,39 +169,17 @@ def run_everything(
 
 @app.command("reprocess")
 def reprocess_rows(
-    manifest: Annotated[Path, typer.Argument(metavar="MANIFEST", help="The manifest, CSV or Parquet: a row a robot.")],
-    experiment: Annotated[
-        Path, typer.Argument(metavar="EXPERIMENT.yaml", help="The experiment file, with ${row.column} to be filled.")
-    ],
+    manifest: own.Manifest,
+    experiment: own.RowExperiment,
     run_dir: RunFolder = None,
-    keep: Annotated[bool, typer.Option("--keep", help="Keep records and responses of every row.")] = False,
-    force: Annotated[bool, typer.Option("--force", help="Try rows again that have failed.")] = False,
-    row_timeout: Annotated[
-        float | None,
-        typer.Option(
-            "--row-timeout",
-            metavar="SECONDS",
-            min=1e-3,
-            help="Time that a row may take; then it fails, the rest goes on.",
-        ),
-    ] = None,
-    pages: Annotated[
-        Literal["all", "none", "flagged"],
-        typer.Option("--pages", help="Rows that get a page of their own; `flagged` are outliers and failures."),
-    ] = "flagged",
-    strict: Annotated[
-        bool,
-        typer.Option(
-            "--strict", help="Exit with 5 if a row is graded *do not use* or off the fleet, or a robot drifts."
-        ),
-    ] = False,
+    keep: own.Keep = False,
+    force: own.ForceRows = False,
+    row_timeout: own.RowTimeout = None,
+    pages: own.Pages = "flagged",
+    strict: own.StrictRows = False,
     as_json: AsJson = False,
-    stream: Annotated[
-        bool, typer.Option("--stream", help="With --json: one object a row as it finishes, each on a line.")
-    ] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", help="Say which rows would be made, and why; make and write nothing.")
-    ] = False,
+    stream: own.Stream = False,
+    dry_run: own.DryRows = False,
     backend: Backend = None,
     workers: Workers = None,
     scheduler: Scheduler = None,
@@ -254,47 +230,14 @@ def run_a_study(
 @app.command("export")
 def export_model(
     experiment: ExperimentFile,
-    format_: Annotated[
-        str,
-        typer.Option(
-            "--format",
-            metavar="FORMAT",
-            autocompletion=export_formats,
-            help="What to write: mjcf, json, csv, mat, by family statespace, robot, urdf, control, hdf5; of a"
-            " campaign's excitation csv, mat; of its responses csv, mat, json, uff.",
-        ),
-    ],
-    fit: Annotated[
-        str | None,
-        typer.Option(
-            "--fit",
-            metavar="NAME",
-            help="Name of the fit; may be left out if it is the only one.",
-            autocompletion=names_in("fits"),
-        ),
-    ] = None,
-    campaign: Annotated[
-        str | None,
-        typer.Option(
-            "--campaign",
-            metavar="NAME",
-            help="Name of a campaign, to write its excitation or responses instead of a fit.",
-            autocompletion=names_in("campaigns"),
-        ),
-    ] = None,
-    what: Annotated[
-        Literal["excitation", "frf"] | None,
-        typer.Option("--what", help="Of a campaign: its excitation (default), or its frequency responses (frf)."),
-    ] = None,
-    configuration: Annotated[
-        int | None, typer.Option("--configuration", min=1, help="Number of one configuration, from 1; all by default.")
-    ] = None,
-    friction: Annotated[
-        bool | None,
-        typer.Option("--friction/--no-friction", help="MJCF: with friction and ripple (default), or without."),
-    ] = None,
-    output: Annotated[Path | None, typer.Option("--output", help="Write here instead of the fit's folder.")] = None,
-    force: Annotated[bool, typer.Option("--force", help="Replace a file that differs.")] = False,
+    format_: own.ExportFormat,
+    fit: own.FitName = None,
+    campaign: own.CampaignName = None,
+    what: own.WhatOfCampaign = None,
+    configuration: own.ConfigurationNumber = None,
+    friction: own.WithFriction = None,
+    output: own.ExportOutput = None,
+    force: own.ForceFile = False,
     run_dir: RunFolder = None,
     as_json: AsJson = False,
     _debug: Debug = False,
@@ -367,28 +310,12 @@ def upgrade_settings(
 
 @app.command("inspect")
 def inspect_file(
-    files: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="FILE...", help="An artifact, as in record.h5; a log, or the files of one; or responses."
-        ),
-    ],
-    output: Annotated[Path | None, typer.Option("--output", help="Draw the log here, as a page.html.")] = None,
-    propose: Annotated[
-        Path | None, typer.Option("--propose", help="Write the proposed experiment file here, as a new bench.yaml.")
-    ] = None,
-    format_: Annotated[
-        LogFormat | None, typer.Option("--format", help="Format of the log; recognized from the file when not given.")
-    ] = None,
-    dialect: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--dialect", help="How a table of text is written, as `header_line=3`; recognized when not given."
-        ),
-    ] = None,
-    sampling_period_s: Annotated[
-        float | None, typer.Option("--sampling-period", help="Sampling period of a log that has no time [s].")
-    ] = None,
+    files: own.InspectedFiles,
+    output: own.DrawnPage = None,
+    propose: own.Propose = None,
+    format_: own.FormatOfLog = None,
+    dialect: own.DialectMarks = None,
+    sampling_period_s: own.SamplingPeriod = None,
     as_json: AsJson = False,
     _debug: Debug = False,
 ) -> int:

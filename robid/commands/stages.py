@@ -2,7 +2,6 @@
 
 import inspect
 from collections.abc import Callable
-from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -18,14 +17,8 @@ from robid.commands.options import (
     Workers,
     names_in,
 )
+from robid.commands.own_options import ForceOutput, Inputs, NextAfter, Output, Try
 from robid.pipeline.stage import Stage
-
-_TRY = (
-    "Refit from the minimum found with this in `free` too, and show both side by side; writes nothing unless"
-    " --output says where. Can be repeated."
-)
-
-_NEXT = "Say which candidate to visit next after this fit, and what that would bring; writes nothing."
 
 
 def stage_command(stage: Stage) -> Callable[..., int]:
@@ -41,19 +34,12 @@ def stage_command(stage: Stage) -> Callable[..., int]:
         experiment: ExperimentFile,
         owner: Annotated[str | None, owner_option] = None,
         run_dir: RunFolder = None,
-        inputs: Annotated[
-            list[Path] | None,
-            typer.Option(
-                "--input", metavar="FILE", help="Read this artifact instead of the run folder's. Can be repeated."
-            ),
-        ] = None,
-        output: Annotated[Path | None, typer.Option("--output", metavar="FILE", help="Write here instead.")] = None,
-        force: Annotated[bool, typer.Option("--force", help="Replace an output that differs.")] = False,
+        inputs: Inputs = None,
+        output: Output = None,
+        force: ForceOutput = False,
         strict: Strict = False,
-        tried: Annotated[list[str] | None, typer.Option("--try", metavar="NAME", help=_TRY)] = None,
-        after: Annotated[
-            str | None, typer.Option("--next", metavar="FIT", help=_NEXT, autocompletion=names_in("fits"))
-        ] = None,
+        tried: Try = None,
+        after: NextAfter = None,
         as_json: AsJson = False,
         backend: Backend = None,
         workers: Workers = None,

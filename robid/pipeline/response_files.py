@@ -83,10 +83,7 @@ def responses_of(
         DataError: If there are not as many as configurations, or one cannot be used.
     """
     places = np.zeros((len(tables), len(options.inputs))) if configurations is None else configurations
-    if len(tables) != len(places):
-        there, wanted = counted(len(tables), "response"), counted(len(places), "configuration")
-        what = f"D633 the files have {there}, for {wanted}"
-        raise DataError(what, remedy="correct `configurations`, or put `{configuration}` into the file's name")
+    _refuse_other_count(len(tables), len(places))
     frfs, kinds = [], set[Kind]()
     for (table, where), place in zip(tables, places, strict=True):
         if isinstance(table, Frf):
@@ -151,3 +148,10 @@ def _own_artifact(path: Path) -> list[ResponseTable | Frf] | None:
         return None
     frf = frf_from_artifact(read_artifact(path, FRF))
     return [frf.select([index]) for index in range(len(frf.configurations))]
+
+
+def _refuse_other_count(n_response: int, n_configuration: int) -> None:
+    if n_response != n_configuration:
+        there, wanted = counted(n_response, "response"), counted(n_configuration, "configuration")
+        what = f"D633 the files have {there}, for {wanted}"
+        raise DataError(what, remedy="correct `configurations`, or put `{configuration}` into the file's name")

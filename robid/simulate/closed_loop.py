@@ -65,12 +65,8 @@ class ClosedLoop:
         batch.qpos[:] = rest.position
         flaws = options.imperfections
         self._flaws, self._steps, self._names = flaws, options.steps_per_sample or 1, names
-        self._position, self._held, self._motor, self._turns = (
-            rest.position[0],
-            rest.motor_torque[0],
-            model.motor,
-            model.turns,
-        )
+        self._position, self._held = rest.position[0], rest.motor_torque[0]
+        self._motor, self._turns = model.motor, model.turns
         self._further = FurtherOutputs(model, batch, names, flaws, controller.sampling_period_s)
         self._followers = Followers(model, batch, controller, flaws)
         self._followers.follow()

@@ -29,6 +29,7 @@ _UNITS = re.compile(
     "m?s|[uµ]s|ns|min|[mk]?n[·*]?m|k?n|m?[av]|k?w|[mu]?rad|deg|°|(m?rad|deg|°|turns?|rev|counts?|m?m)/s([\\^²]2?)?|rpm|[1u]/min"
     "|[muµ]?m|turns?|rev|counts?|incr?|k?hz|%|-|°?c|nms/rad|1|bool"
 )
+_UNEQUAL = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by numbers, from 1."
 REMEDY = "Write one line of column names, then one line of numbers per sample, separated by `,`, `;` or tabs."
 _JOINS = {
     " ": Join(re.compile(r"(?<=\d[-/.]\d\d)\s+(?=\d{1,2}:\d\d)|(?<=[-/.]\d{4})\s+(?=\d{1,2}:\d\d)"), "T"),
@@ -72,9 +73,8 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
         if joined != list(lines):
             return replace(tell_layout(joined, dialect), join=join)
     if len(names) != len(kinds):
-        told = f"{width} values for {len(names)} columns of line {header + 1}"
-        remedy = "Correct that line, or set `dialect: {header_line: 0}`: columns are then named by numbers, from 1."
-        raise UnreadableLogError(f"D085 line {start + 1}: The table is broken: {told}.", remedy)
+        told = f"line {start + 1}: The table is broken: {width} values for {len(names)} columns of line {header + 1}."
+        raise UnreadableLogError(f"D085 {told}", _UNEQUAL)
     headers = frozenset(
         line.strip(AROUND) for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma)
     )

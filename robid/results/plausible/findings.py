@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -224,23 +225,27 @@ def evidence_findings(
         if swapped is None:
             signs = judge_signs(robot, evidence, angles.sign, gravity_signs(weights))
         loads = judge_gravity(carrying, evidence, weights, signs.torque) if swapped is None else (swapped,)
-    told = {finding.message.partition(":")[0] for finding in angles.findings if finding.cause == "angle_sign"}
-    turned = [
-        finding
-        for finding in signs.findings
-        if finding.cause != "angle_sign" or finding.message.partition(":")[0] not in told
-    ]
     findings = (
         *turned_phase,
         *late,
         *angles.findings,
-        *turned,
+        *_not_said(signs.findings, angles.findings),
         *loads,
         *_noise_findings(evidence),
         *saturation_findings(evidence.saturated),
     )
     rest = sorted(findings, key=lambda finding: (not finding.decisive, -finding.strength))
     return (*scales.findings, *rest), angles.notes
+
+
+def _not_said(findings: Sequence[Finding], before: Sequence[Finding]) -> list[Finding]:
+    """Findings but those of a joint's angle sign that others have said already."""
+    said = {finding.message.partition(":")[0] for finding in before if finding.cause == "angle_sign"}
+    return [
+        finding
+        for finding in findings
+        if finding.cause != "angle_sign" or finding.message.partition(":")[0] not in said
+    ]
 
 
 def _driving_points(evidence: Evidence) -> DrivingPoints:

@@ -99,13 +99,7 @@ def _chain(rng: np.random.Generator, f_low: float, f_high: float) -> Plant:
     zeta = np.exp(rng.uniform(np.log(0.002), np.log(0.05), n))
     modal = half[:, None] * shapes
     velocity = rng.random() < 0.5
-    blocks_A, b, c = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), np.zeros(2 * n)
-    scale = middle
-    for k in range(n):
-        blocks_A[2 * k, 2 * k + 1] = scale
-        blocks_A[2 * k + 1, 2 * k : 2 * k + 2] = [-(w[k] ** 2) / scale, -2 * zeta[k] * w[k]]
-        b[2 * k + 1] = modal[0, k] * scale
-        c[2 * k + velocity] = modal[-1, k]
+    blocks_A, b, c = _modal_system(w, zeta, modal, middle, speed=velocity)
     if velocity and not grounded:
         # The free body's position does not show in a velocity.
         kept = np.arange(2 * n) != 0
@@ -121,6 +115,20 @@ def _chain(rng: np.random.Generator, f_low: float, f_high: float) -> Plant:
             poles += [0.0] * (1 if velocity else 2)
     integrators = 0 if grounded else 2 - velocity
     return Plant(blocks_A, b[:, None], c[None, None, :], np.zeros((1, 1)), np.array(poles, complex), integrators, 0.0)
+
+
+def _modal_system(
+    w: FloatArray, zeta: FloatArray, modal: FloatArray, scale: float, *, speed: bool
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """A, B and C of modes with two states each, speeds in units of `scale`: first mass driven, last one seen."""
+    n = len(w)
+    A, b, c = np.zeros((2 * n, 2 * n)), np.zeros(2 * n), np.zeros(2 * n)
+    for k in range(n):
+        A[2 * k, 2 * k + 1] = scale
+        A[2 * k + 1, 2 * k : 2 * k + 2] = [-(w[k] ** 2) / scale, -2 * zeta[k] * w[k]]
+        b[2 * k + 1] = modal[0, k] * scale
+        c[2 * k + speed] = modal[-1, k]
+    return A, b, c
 
 
 def _draw(rng: np.random.Generator, kind: str, n_pole: int, f_low: float, f_high: float) -> Plant:

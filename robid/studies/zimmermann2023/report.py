@@ -143,6 +143,20 @@ def _below(value: float, limit: float) -> str:
     return f"asked: at most {limit:.3g}, {'reached' if value <= limit else 'missed'}"
 
 
+_MODEL_CAPTION = (
+    "Costs: mean squared logarithmic amplitude error per element of the validation's responses (half the payload,"
+    " new phases), a motor's own response at weight 1; the paper's are of another scale. Excess: above what the"
+    " validation's noise alone gives. Noise floor: relative deviation by eq. 5 with the total covariance, as in the"
+    " paper, mean over the free springs. Deviation: what the fit states of the springs themselves, its interval"
+    " over the normal quantile; effective: of what infinitely many configurations would give, which a design"
+    " sees. Scatter: standard deviation of log(estimate / truth) over the individuals, and over disjoint sets of"
+    " configurations where a model's are drawn, with its standard error; the estimate is the middle of the interval"
+    " of the spring itself. Of fits: that of the fitted springs, which predict. Offset: size of that logarithm's"
+    " mean, what all individuals share, such as the stiffening that a linear model takes for stiffness. Missed:"
+    f" first resonances of the own responses of {{axes}} that are off by more than {percent(MISSED)}."
+)
+
+
 def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[str, Any]) -> Section:
     def theirs(key: str, name: str) -> str:
         return significant(paper.get(key, {}).get(name))
@@ -163,19 +177,7 @@ def _model_section(found: Found, summary: Mapping[str, float], paper: Mapping[st
         ("Paper", partial(_their_std, paper)),
         ("Missed", lambda name: f"{summary[f'{name}.missed']:.0f} of {summary['resonances']:.0f}"),
     )
-    axes = " and ".join(found.study.axes)
-    caption = (
-        "Costs: mean squared logarithmic amplitude error per element of the validation's responses (half the payload,"
-        " new phases), a motor's own response at weight 1; the paper's are of another scale. Excess: above what the"
-        " validation's noise alone gives. Noise floor: relative deviation by eq. 5 with the total covariance, as in the"
-        " paper, mean over the free springs. Deviation: what the fit states of the springs themselves, its interval"
-        " over the normal quantile; effective: of what infinitely many configurations would give, which a design"
-        " sees. Scatter: standard deviation of log(estimate / truth) over the individuals, and over disjoint sets of"
-        " configurations where a model's are drawn, with its standard error; the estimate is the middle of the interval"
-        " of the spring itself. Of fits: that of the fitted springs, which predict. Offset: size of that logarithm's"
-        " mean, what all individuals share, such as the stiffening that a linear model takes for stiffness. Missed:"
-        f" first resonances of the own responses of {axes} that are off by more than {percent(MISSED)}."
-    )
+    caption = _MODEL_CAPTION.format(axes=" and ".join(found.study.axes))
     optimal = list(found.models).index(found.study.optimal)
     judged = "Models are judged by their scatter: the truth is known here."
     lead = " ".join((judged, *_contradictions(found, paper), *_too_sure(found, summary)))

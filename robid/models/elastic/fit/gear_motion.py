@@ -125,17 +125,18 @@ def gear_effects(
     slipping = [(row, each.spring) for row, each in slips]
     if not damped and not slipping:
         return None
-    order, omega = gears.tolist(), 2 * np.pi * frf.frequency_hz
-    tables = (
-        bristle_table(
-            HYSTERESIS_SHARE * float(stiffness[spring]), _known(moved)[:, :, order.index(spring)], frf.lines, omega
-        )
-        for _, spring in slipping
-    )
-    bristles = tuple(replace(table, known=each.known) for table, (_, each) in zip(tables, slips, strict=True))
+    bristles = tuple(_tabulated(each, frf, stiffness, moved, gears.tolist()) for _, each in slips)
     names = (tuple(estimated[row].name for row, _ in each) for each in (damped, slipping))
     of_dampers, of_bristles = (np.array(each, int).reshape(-1, 2) for each in (damped, slipping))
     return GearEffects(mean_size(deflection, power), of_dampers, of_bristles, bristles, *names)
+
+
+def _tabulated(
+    slip: SlipTorque, frf: Frf, stiffness: FloatArray, moved: ComplexArray | None, gears: Sequence[int]
+) -> BristleTable:
+    own, omega = HYSTERESIS_SHARE * float(stiffness[slip.spring]), 2 * np.pi * frf.frequency_hz
+    table = bristle_table(own, _known(moved)[:, :, gears.index(slip.spring)], frf.lines, omega)
+    return replace(table, known=slip.known)
 
 
 def swings_known(frf: Frf) -> bool:

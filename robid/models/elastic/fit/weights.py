@@ -112,13 +112,17 @@ def make_whitening(frf: Frf, kept: BoolArray, residual: Residual, fitted: Comple
         covariance = residual.part(covariance / (size[:, :, None] * size[:, None, :].conj()))
         for line, used in enumerate(kept[configuration].reshape(n_freq, -1)):
             both = np.ix_(used, used)
-            # With C = L L^H, the residuals times L^-1 have unit covariance.
-            root = _cholesky(covariance[line][both])
-            if root is None:
-                raise singular_covariance(frf.frequency_hz[[line]], "fit")
-            whitening[configuration, line][both] = np.linalg.inv(root)
+            whitening[configuration, line][both] = _inverse_root(covariance[line][both], frf.frequency_hz[[line]])
     # The mean of an inverted complex Wishart matrix is n / (n - p) times the inverse: its root is taken back.
     return np.asarray(whitening * np.sqrt((freedom - n_out) / freedom))
+
+
+def _inverse_root(covariance: ComplexArray, frequency_hz: FloatArray) -> ComplexArray:
+    """L^-1 of C = L L^H: residuals times it have unit covariance."""
+    root = _cholesky(covariance)
+    if root is None:
+        raise singular_covariance(frequency_hz, "fit")
+    return np.asarray(np.linalg.inv(root))
 
 
 def _cholesky(covariance: ComplexArray) -> ComplexArray | None:

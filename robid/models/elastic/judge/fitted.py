@@ -227,13 +227,7 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
         by_effects = model.effects.slopes(values.doubt, values.damping, np.abs(s))[configuration]
         change[NUISANCE_KIND] = change[NUISANCE_KIND] + np.einsum("msd,sm->dm", by_effects, springs)
         change["damping"] = model.effects.growth(values.doubt)[configuration, :, None] * change["damping"]
-    moving, at = at_rest(model, values)
-    for kind, slopes in loaded_slopes(moving, values, at, parameters.kinds).items():
-        through = slopes.stiffness[configuration].T @ springs
-        moves = moving.rest.moves
-        if moves is not None:
-            turned = s**2 * _seen(moves.mass[configuration], x) + _seen(moves.gravity_stiffness[configuration], x)
-            through = through + slopes.displacement[configuration].T @ turned
+    for kind, through in _through_rest(fitted, modes, configuration).items():
         change[kind] = through + (change[kind] if kind == "damping" else 0.0)
     moved = -np.concatenate([change[kind] for kind in parameters.kinds])[parameters.columns()] / modes.slopes
     rate = np.real(s.conj() * moved) / (2 * np.pi * np.abs(s))
@@ -241,6 +235,19 @@ def frequency_std(fitted: FittedModel, covariance: FloatArray, modes: Modes, con
     rate = parameters.chain(fitted.internal)[: len(rate), :count].T @ rate
     own = covariance[: rate.shape[0], : rate.shape[0]]
     return np.asarray(np.sqrt(np.einsum("pm,pq,qm->m", rate, own, rate)))
+
+
+def _through_rest(fitted: FittedModel, modes: Modes, configuration: int) -> dict[str, FloatArray]:
+    """What parameters of each kind change (n, n_mode) by where the robot rests and how its springs are loaded there."""
+    s, x, springs = modes.roots, modes.shapes, modes.shapes[fitted.problem.model.n_motor :] ** 2
+    moving, at = at_rest(fitted.problem.model, fitted.parameters)
+    moves, found = moving.rest.moves, {}
+    for kind, slopes in loaded_slopes(moving, fitted.parameters, at, fitted.problem.parameters.kinds).items():
+        found[kind] = slopes.stiffness[configuration].T @ springs
+        if moves is not None:
+            turned = s**2 * _seen(moves.mass[configuration], x) + _seen(moves.gravity_stiffness[configuration], x)
+            found[kind] = found[kind] + slopes.displacement[configuration].T @ turned
+    return found
 
 
 def _seen(matrices: FloatArray, shapes: ComplexArray) -> ComplexArray:

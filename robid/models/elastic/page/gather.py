@@ -23,6 +23,7 @@ from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.solution import ElasticSolution, NuisanceEstimates, Starts
 from robid.models.elastic.judge.middles import MiddleRow, middle_rows
 from robid.models.elastic.judge.resonances import Measured, Repeat, ResonanceTable, pool_repeats
+from robid.models.elastic.judge.validating import Validation
 from robid.models.elastic.page.fitted import FittedViews, fitted_views
 from robid.models.elastic.page.gears import GearRow, gear_rows, gear_sentence
 from robid.models.elastic.page.known import KnownGears, known_content
@@ -223,12 +224,16 @@ def fit_content(shown: Shown) -> FitContent:
     )
     if validation is None or settings.validate_on is None or shown.new is None:
         return content
+    return _with_validation(content, validation, settings.validate_on, shown.new.response)
+
+
+def _with_validation(content: FitContent, validation: Validation, campaign: str, frf: Frf) -> FitContent:
     every = range(len(validation.cost))
     return replace(
         content,
-        validation_costs=_costs(settings.validate_on, every, validation.cost, validation.expected_cost),
-        validation_campaign=settings.validate_on,
-        validation_frf=replace(shown.new.response, response=validation.measured),
+        validation_costs=_costs(campaign, every, validation.cost, validation.expected_cost),
+        validation_campaign=campaign,
+        validation_frf=replace(frf, response=validation.measured),
         validation_model=validation.modelled,
     )
 

@@ -236,13 +236,9 @@ def show_excitation(
     for place, channel in enumerate(channels):
         for index, shot in enumerate(shots):
             if moved_inputs(shot, floor)[channel.input]:
-                command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
-                level = answer.mean() if shot.start == "periodic" else answer[0]
-                shown = answer - level if shot.offset else answer
-                kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
-                course = np.stack([kept * shot.sampling_period_s, command[kept], shown[kept]])
+                course, spectrum = _course(shot, channel)
                 times.append(_labelled(place, index, course))
-                lines.append(_labelled(place, index, _spectrum(command, answer, shot.sampling_period_s)))
+                lines.append(_labelled(place, index, spectrum))
     time, line = (np.concatenate(each, axis=1) if each else np.zeros((5, 0)) for each in (times, lines))
     return Excitation(
         names=tuple(channel.name for channel in channels),
@@ -260,6 +256,16 @@ def show_excitation(
         command_resolution=input_resolution[[channel.input for channel in channels]],
         answer_resolution=output_resolution[[channel.output for channel in channels]],
     )
+
+
+def _course(shot: Shot, channel: OwnChannel) -> tuple[FloatArray, FloatArray]:
+    """Command and answer of a channel over time, thinned (3, n_time), and their spectra (3, n_line)."""
+    command, answer = shot.inputs[:, channel.input], shot.outputs[:, channel.output]
+    level = answer.mean() if shot.start == "periodic" else answer[0]
+    shown = answer - level if shot.offset else answer
+    kept = np.arange(0, len(command), max(1, -(-len(command) // _SAMPLES)))
+    course = np.stack([kept * shot.sampling_period_s, command[kept], shown[kept]])
+    return course, _spectrum(command, answer, shot.sampling_period_s)
 
 
 def _labelled(place: int, shot: int, rows: FloatArray) -> FloatArray:

@@ -76,14 +76,7 @@ def make_lines(data: MeasuredResponse, time: Time) -> Lines:
         hold = np.exp(-1j * half) * np.sinc(half / np.pi)
         response, weights = response / hold, weights * np.abs(hold)
     if time == "discrete":
-        return Lines(
-            np.tan(omega * float(period or 1) / 2),
-            response * weights,
-            weights,
-            omega * float(period or 1),
-            1.0,
-            float(period or 1),
-            time,
-        )
+        per_sample, step = omega * float(period or 1), float(period or 1)
+        return Lines(np.tan(per_sample / 2), response * weights, weights, per_sample, 1.0, step, time)
     middle = float(np.sqrt(omega[0] * omega[-1]))
     return Lines(omega / middle, response * weights, weights, omega / omega[-1], middle, 1 / omega[-1], time)

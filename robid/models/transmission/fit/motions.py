@@ -41,8 +41,8 @@ def motions_of(record: Record, robot: Robot, *, late_samples: int = 0, name: str
         DataError: If angles of both sides or torques are missing, are too few, or are not finite.
     """
     joints = [joint.name for joint in robot.joints]
-    motors = _columns(record.output_channels, joints, "motor", ("angle", "position"))
-    arms = _columns(record.output_channels, joints, "arm", ("angle", "position"))
+    outside = record.output_channels
+    motors, arms = (_columns(outside, joints, side, ("angle", "position")) for side in ("motor", "arm"))
     drives = _columns(record.input_channels, joints, "motor", ("torque",))
     gears = [index for index, joint in enumerate(joints) if joint in arms and robot.joints[index].has_motor]
     _refuse_missing(record, joints, motors, drives, gears)
