@@ -13,7 +13,7 @@ from typing import Any
 ROOT = Path(__file__).parent.parent
 PAGE, RECORD = ROOT / "docs/reference/benchmarks.md", ROOT / "data/bench.json"
 # Key, or its beginning: what it is.
-_MEANINGS = {
+MEANINGS = {
     "cli.help_vs_floor": "the command line's help, its time over that of importing NumPy, h5py, pydantic and typer",
     "cli.status_vs_floor": "`robid status` of the default experiment, over the same",
     "cli.import_vs_numpy": "`import robid`, over `import numpy`",
@@ -72,7 +72,7 @@ def page(record: dict[str, Any]) -> str:
 
 
 def _meaning(key: str) -> str:
-    return next(text for begin, text in _MEANINGS.items() if key.startswith(begin))
+    return MEANINGS[max((begin for begin in MEANINGS if key.startswith(begin)), key=len)]
 
 
 if __name__ == "__main__":

@@ -240,12 +240,8 @@ def evidence_findings(
 
 def _not_said(findings: Sequence[Finding], before: Sequence[Finding]) -> list[Finding]:
     """Findings but those of a joint's angle sign that others have said already."""
-    said = {finding.message.partition(":")[0] for finding in before if finding.cause == "angle_sign"}
-    return [
-        finding
-        for finding in findings
-        if finding.cause != "angle_sign" or finding.message.partition(":")[0] not in said
-    ]
+    said = {one.message.partition(":")[0] for one in before if one.cause == "angle_sign"}
+    return [one for one in findings if one.cause != "angle_sign" or one.message.partition(":")[0] not in said]
 
 
 def _driving_points(evidence: Evidence) -> DrivingPoints:

@@ -59,14 +59,14 @@ def make_lines(data: MeasuredResponse, time: Time) -> Lines:
     if time == "discrete" and period is None:
         message = "Argument `sampling_period_s` must be given for a model in discrete time."
         raise ValueError(message)
-    order = np.argsort(data.frequency_hz)
+    step, order = float(period or 1), np.argsort(data.frequency_hz)
     omega = 2 * np.pi * np.asarray(data.frequency_hz, dtype=float)[order]
     variance = data.variance.reshape(len(omega), -1)[order].T
     response = np.where(np.isfinite(variance), data.response.reshape(len(omega), -1)[order].T, 0.0)
     weights = np.sqrt(2 / variance)
     kept = (weights > 0).any(axis=0)
     if time == "discrete":
-        kept &= omega * float(period or 1) < np.pi * _NYQUIST
+        kept &= omega * step < np.pi * _NYQUIST
     if not kept.any():
         message = "Argument `frequency_hz` must have lines below the Nyquist frequency."
         raise ValueError(message)
@@ -76,7 +76,7 @@ def make_lines(data: MeasuredResponse, time: Time) -> Lines:
         hold = np.exp(-1j * half) * np.sinc(half / np.pi)
         response, weights = response / hold, weights * np.abs(hold)
     if time == "discrete":
-        per_sample, step = omega * float(period or 1), float(period or 1)
+        per_sample = omega * step
         return Lines(np.tan(per_sample / 2), response * weights, weights, per_sample, 1.0, step, time)
     middle = float(np.sqrt(omega[0] * omega[-1]))
     return Lines(omega / middle, response * weights, weights, omega / omega[-1], middle, 1 / omega[-1], time)
