@@ -71,6 +71,7 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 
 GONE_S = 300.0
+_START_S = 10.0
 _IN_FLIGHT_PER_WORKER = 3
 _LOOK_S = 2.0
 _GO_ON = "what is finished is kept; the same command goes on"
@@ -365,6 +366,9 @@ def _loop() -> Iterator[IOLoop]:
         # What a cluster that did not get up leaves in it ends in errors that nobody waits for.
         loop.asyncio_loop.set_exception_handler(lambda *_: None)
         runner.stop()
+        for cluster in [each for each in SpecCluster._instances if not each.shutdown_on_close]:
+            _finish_starts(cluster)
+            _kill(cluster)
 
 
 def _abandon() -> None:
@@ -372,6 +376,20 @@ def _abandon() -> None:
     for cluster in list(SpecCluster._instances):
         cluster.shutdown_on_close = False
         _kill(cluster)
+        # Dask stops a loop that all who use it have stopped; till then, more workers begin.
+        cluster._loop_runner.stop()
+
+
+def _finish_starts(cluster: SpecCluster) -> None:
+    """Waits for workers' processes that are being started: left alone, they would end in a traceback of their own.
+
+    A thread for each starts it; until that is done, nobody knows its number.
+    """
+    for nanny in list(cluster._created):
+        started = getattr(nanny.process, "process", None)
+        if started is not None:
+            started._watch_q.put_nowait({"op": "stop"})
+            started._watch_message_thread.join(timeout=_START_S)
 
 
 def _kill(cluster: SpecCluster) -> None:

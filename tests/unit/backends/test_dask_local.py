@@ -210,28 +210,46 @@ def test_workers_end_with_an_interrupted_or_killed_parent(tmp_path: Path, sent: 
 
 
 _STARTING = """
-import os, signal
+import atexit, os, signal, sys, threading, time
+from multiprocessing import util
 from pathlib import Path
 import backend_tasks
 from distributed import Nanny
 from robid.backends.map import make_map
 
-async def interrupt(nanny):
+async def before(nanny):
     Nanny.start_unsafe = start
     os.kill(os.getpid(), signal.SIGINT)
     return await start(nanny)
 
+def within(*arguments):
+    # As on a busy machine: a worker's process is there and waits for what it is to do.
+    pid = begin(*arguments)
+    if "AsyncProcess" in threading.current_thread().name:
+        if sys.argv[1] == "within" and not interrupted:
+            interrupted.append(pid)
+            os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(2)
+    return pid
+
 if __name__ == "__main__":
-    start, Nanny.start_unsafe = Nanny.start_unsafe, interrupt
+    interrupted = []
+    start, begin, util.spawnv_passfds = Nanny.start_unsafe, util.spawnv_passfds, within
+    if sys.argv[1] == "before":
+        atexit.register(time.sleep, 1) # time for a worker to begin, which none may take
+        Nanny.start_unsafe = before
     with make_map("dask", 2, folder=Path()) as ordered:
         ordered(backend_tasks.process_id, [1])
 """
 
 
-def test_a_cluster_that_is_interrupted_while_it_starts_ends_without_a_word_of_its_own(tmp_path: Path) -> None:
+@pytest.mark.parametrize("when", ["before", "within"])
+def test_a_cluster_that_is_interrupted_while_it_starts_ends_without_a_word_of_its_own(
+    tmp_path: Path, when: str
+) -> None:
     (tmp_path / "parent.py").write_text(_STARTING)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    command = [sys.executable, "parent.py"]
+    command = [sys.executable, "parent.py", when]
     ended = subprocess.run(
         command, cwd=tmp_path, capture_output=True, text=True, env=environment, check=False, timeout=60
     )
