@@ -23,6 +23,7 @@ CAUSES = {
     "delay": "a delay that is not declared (F007)",
     "samples": "speeds whose samples are not what was stated (F008)",
     "filters": "filters that let the noise of the positions pass (F009)",
+    "channels": "channels of another motor, or whose sign or unit differs between records (F063)",
     "units": "units or gear ratios of the log that are off (F010)",
     "same_motion": "a motion that the fit has seen already (F011)",
     "same_configuration": "configurations that the fit has seen already (F012)",

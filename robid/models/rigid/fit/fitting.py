@@ -11,6 +11,7 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.models.rigid.fit.alone import explained_alone
 from robid.models.rigid.fit.conclusion import conclude, instrumental_variables
 from robid.models.rigid.fit.cut_off import (
     CutOffChoice,
@@ -78,7 +79,8 @@ def fit_rigid(
         raise DataError(f"D254 {error}", where="record", remedy=remedy) from error
     travel = travel_of(robot, shots)
     found = make_solution(model, base, problem.model, estimated, choice, travel, options, gains)
-    return replace(found, torque_unit=shots[0].torque_unit)
+    alone = explained_alone(problem.measured, estimated.shot, found.residuals.relative_error)
+    return replace(found, torque_unit=shots[0].torque_unit, alone=alone)
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.stats import t as student
 
 from robid.arrays import BoolArray, FloatArray, IntArray, Quantity
+from robid.models.rigid.fit.alone import Alone
 from robid.results.estimate import Estimate
 
 _TORQUE = "N m, or the drives' unit"
@@ -216,3 +217,4 @@ class RigidSolution:
     chosen: str  # name of the estimator whose result it is
     torque_unit: str = "N m"  # what stands for N m: A where torques are currents
     gains: Gains | None = None  # what the torques were multiplied by; None where they are as recorded
+    alone: Alone | None = None  # what explains torques apart from the model; None in files that do not say it

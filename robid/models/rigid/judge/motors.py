@@ -20,6 +20,7 @@ EXPECTED_ERROR_LIMIT = 0.15
 
 _WITHOUT_MEANING = 10  # times a motor's size: how many more says nothing
 _BESIDE = 0.5  # of the residual: torque of links below it is lost in that
+_BETTER = 0.7  # of what the fit leaves: noise is left by whatever explains it
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,8 @@ def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str
 
     A motor is not determined where its torque is mostly noise, resolution or friction: what its links do along this
     motion, estimated and by the robot file, is lost in what the fit leaves, which is more than may be left. A robot
-    file whose links are large beside it speaks of a misfit instead, which is the motor's fault.
+    file whose links are large beside it speaks of a misfit instead, which is the motor's fault; so does a torque that
+    is explained apart from the model, by another joint's motion or in each record alone.
 
     Args:
         solution: The fit.
@@ -76,9 +78,19 @@ def motors_of(solution: RigidSolution, names: Sequence[str], judge: Sequence[str
     found, error = solution.against_nominal, solution.residuals.relative_error
     stated = np.nan_to_num(found.share / found.ratio, nan=0.0)
     hidden = (found.share < _BESIDE * error) & (stated < _BESIDE * error)
-    determined = ~(hidden & (solution.expected.residual > MOTOR_ERROR_LIMIT))
+    determined = ~(hidden & (solution.expected.residual > MOTOR_ERROR_LIMIT)) | elsewhere(solution)
     named = np.isin(np.array(names), np.array(judge, dtype=str)) if judge else np.ones(len(names), bool)
     return Motors(tuple(names), determined, named & (determined | bool(judge)))
+
+
+def elsewhere(solution: RigidSolution) -> BoolArray:
+    """Whether each motor's torque (n_joint,) is explained apart from the model far better than by it."""
+    if solution.alone is None:
+        return np.zeros(len(solution.expected.residual), bool)
+    error, own = np.nan_to_num(solution.alone.error, nan=np.inf), solution.residuals.relative_error
+    # Over the motor's size, as its residual is; a motor that gives little has a size above its torque.
+    sized = error * solution.expected.residual / np.maximum(own, np.finfo(float).tiny)
+    return np.asarray((error < _BETTER * own) & (sized < MOTOR_ERROR_LIMIT))
 
 
 def added_error(solution: RigidSolution) -> FloatArray:

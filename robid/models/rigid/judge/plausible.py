@@ -9,6 +9,7 @@ import numpy as np
 
 from robid.arrays import BoolArray
 from robid.models.conclusions import graded_alone
+from robid.models.rigid.fit.alone import RECORDS
 from robid.models.rigid.fit.options import RigidFitOptions
 from robid.models.rigid.fit.solution import RigidSolution, Travel
 from robid.models.rigid.judge.motors import (
@@ -16,6 +17,7 @@ from robid.models.rigid.judge.motors import (
     MOTOR_ERROR_LIMIT,
     Motors,
     added_error,
+    elsewhere,
     motors_of,
 )
 from robid.models.rigid.judge.trials import Trial
@@ -53,6 +55,7 @@ def parameter_findings(
         *_signs(robot, solution, motors.names),
         *file_findings(robot, solution, motors.names),
         *_unfelt_rotors(solution),
+        *_channels(solution, motors),
         *_unexplained(solution, motors, tried),
         *_negative(solution.estimate),
         *_excitation(solution, motors),
@@ -242,6 +245,22 @@ def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]
     # A change that was tried and helps is better evidence than whatever else a bad fit shows.
     cause, strength = (tried[0].cause, _TO_BLAME) if tried else ("model", strength)
     yield Finding(cause, f"the fit leaves {told}{gains}", decisive=True, strength=strength)
+
+
+def _channels(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
+    """Torques beyond their limit that go with another joint's motion, or differently in each record."""
+    alone, residual = solution.alone, solution.expected.residual
+    told = elsewhere(solution) & motors.judged & (residual > MOTOR_ERROR_LIMIT)
+    if alone is None or not told.any():
+        return
+    index = int(np.argmax(np.where(told, residual, 0.0)))
+    name, row, share = motors.names[index], int(alone.row[index]), float(alone.error[index])
+    if row == index:
+        return  # its own motion explains it: a scale or a sign beside the other motors', which others name
+    how = "each record alone" if row == RECORDS else f"the motion of {motors.names[row]}"
+    left = float(solution.residuals.relative_error[index])
+    message = f"{how} explains the torque of {name} but for {share:.0%}, where the fit leaves {left:.0%}"
+    yield Finding("channels", message, decisive=True, strength=_TO_BLAME)
 
 
 def _negative(estimate: Estimate) -> Iterator[Finding]:

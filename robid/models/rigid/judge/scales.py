@@ -174,7 +174,9 @@ class _Scene:
         """
         position, velocity, acceleration, torque = self._rows
         path = position / motion, velocity / motion * time, acceleration / motion * time**2
-        whole, still = (self._columns.columns(*one) for one in (path, (path[0], 0 * path[1], 0 * path[2])))
+        load = torque if self._columns.needs_torque else None
+        still_path = path[0], 0 * path[1], 0 * path[2]
+        whole, still = (self._columns.columns(*one, torque=load) for one in (path, still_path))
         values, share = _explained(whole, torque)
         travel, reach = self._travel(motion)
         beyond = np.log(np.maximum(np.where(np.isfinite(reach), travel / reach, 1.0), 1.0))

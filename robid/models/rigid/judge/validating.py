@@ -158,8 +158,9 @@ def validate_rigid(
     same = any(repeats(solution.travel, robot, shot) for shot in shots)
     kept = findings if failures or same else _refuted(findings, robot, solution, motors)
     every = [*kept, *_doubts(motors, prediction, ratio, off, same=same)]
+    verdict = _verdict(prediction, motors, ratio, failures, same=same)
     return RigidValidation(
-        outcome=outcome_of(solution.estimate, every, failures, _verdict(prediction, ratio, failures, same=same), truth),
+        outcome=outcome_of(solution.estimate, every, failures, verdict, truth),
         prediction=prediction,
         relative_error=off,
         total_error=prediction.total_error,
@@ -226,11 +227,16 @@ def _doubts(
         yield Finding("excitation", told, decisive=False, strength=2.0)
 
 
-def _verdict(prediction: Prediction, ratio: FloatArray, failures: tuple[str, ...], *, same: bool) -> str:
+def _verdict(
+    prediction: Prediction, motors: Motors, ratio: FloatArray, failures: tuple[str, ...], *, same: bool
+) -> str:
     motion = "the motion of its fit" if same else "a new motion"
     if failures:
         return f"does not predict {motion}: {'; '.join(failures)}"
+    whole = motors.total(prediction.measured - prediction.predicted, prediction.measured)
+    unjudged = [name for name, judged in zip(motors.names, motors.judged.tolist(), strict=True) if not judged]
+    but = f" (those of {', '.join(unjudged)} not judged)" if unjudged else ""
     return (
-        f"predicts {motion}: torques are off by {prediction.total_error:.2g} of their size, and by at most "
-        f"{np.nanmax(ratio):.2g} times what the fit left"
+        f"predicts {motion}: torques are off by {whole:.2g} of their size{but}, and by at most "
+        f"{motors.worst(ratio)[2]:.2g} times what the fit left"
     )

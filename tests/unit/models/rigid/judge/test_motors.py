@@ -80,3 +80,46 @@ def test_a_rough_file_accuses_no_sign(robot):
     assert "torque_sign" not in grade.causes
     new = shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=8))
     assert validate_rigid(off, solution, [new], OPTIONS, grade.findings).outcome.grade.value >= PREDICTS
+
+
+def _rubbing(robot, joint, seed, sign=1.0, friction=20.0):
+    """A log in which friction of one motor is much larger than the torque of its links, with some noise."""
+    shot = shot_along(robot, fourier_motion(robot, N_SAMPLE, seed=seed), seed=seed)
+    torque, speed = shot.torque.copy(), np.gradient(shot.position[:, joint])
+    drawn = np.random.default_rng(seed + 90).standard_normal(len(torque))
+    size = torque[:, joint].std()
+    torque[:, joint] += size * (friction * speed / speed.std() + 0.5 * drawn)
+    torque[:, joint] *= sign
+    return replace(shot, torque=torque)
+
+
+def test_a_sign_that_differs_between_records_is_no_matter_of_noise(robot):
+    same = [_rubbing(robot, 2, seed) for seed in (0, 1)]
+    assert "channels" not in assess_rigid(robot, fit_rigid(robot, same, OPTIONS), OPTIONS).causes
+    mixed = [same[0], _rubbing(robot, 2, 1, sign=-1.0)]
+    solution = fit_rigid(robot, mixed, OPTIONS)
+    assert motors_of(solution, _names(robot)).judged.all()
+    grade = assess_rigid(robot, solution, OPTIONS)
+    assert grade.value == DO_NOT_USE
+    assert grade.causes[0] == "channels"
+
+
+def test_a_torque_that_goes_with_another_joint_is_no_matter_of_noise(robot):
+    shot = _rubbing(robot, 1, 0)
+    other = _rubbing(robot, 2, 0)
+    torque = shot.torque.copy()
+    torque[:, 1], torque[:, 2] = other.torque[:, 2], shot.torque[:, 1]
+    solution = fit_rigid(robot, [replace(shot, torque=torque)], OPTIONS)
+    assert motors_of(solution, _names(robot)).judged.all()
+    grade = assess_rigid(robot, solution, OPTIONS)
+    assert grade.value == DO_NOT_USE
+    assert grade.causes[0] == "channels"
+
+
+def test_what_is_not_judged_is_left_out_of_the_error_that_is_told(robot):
+    solution = fit_rigid(robot, [_noisy(robot, 2, 30.0)], OPTIONS)
+    held = validate_rigid(robot, solution, [_noisy(robot, 2, 30.0, seed=8)], OPTIONS)
+    error = held.prediction.measured - held.prediction.predicted
+    whole = np.sqrt((error[:, :2] ** 2).sum() / (held.prediction.measured[:, :2] ** 2).sum())
+    assert whole < 0.1 < held.total_error
+    assert f"{whole:.2g}" in held.outcome.verdict
