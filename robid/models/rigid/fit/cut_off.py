@@ -25,6 +25,7 @@ _BAND = 3.0  # band in which all are compared over the motion's
 _HIGHEST, _WIDEST = 0.2, 40.0  # highest cut-off over the sampling rate, and over the motion's band
 _SHARE = 0.99  # of the speed's power
 _ABOVE_FLOOR = 20.0
+_NO_STEP = 1e-6  # of the largest step of a position
 _SEGMENT = 1 << 15
 _LEAST_GAIN = 1e-12  # of a difference, whose gain vanishes at half the sampling rate
 _OVERSAMPLED = 10.0  # samples per period of the cut-off of columns that are smooth along the motion
@@ -150,7 +151,8 @@ def unchosen(shots: Sequence[Shot], cut_hz: float) -> CutOffChoice:
 def motion_band(shots: Sequence[Shot], derivative: int = 1) -> FloatArray:
     """Returns the frequency (n_joint,) below which 99 % of the power of the speed, or acceleration, lies [Hz].
 
-    What does not stand far above the floor of the encoder's noise does not count.
+    What does not stand far above the floor of the encoder's noise does not count, nor do the highest frequencies that
+    hold no more of the positions than their rounding: of a few steps per sample or fewer, that is no white noise.
     """
     from scipy.signal import welch
 
@@ -165,10 +167,20 @@ def motion_band(shots: Sequence[Shot], derivative: int = 1) -> FloatArray:
         gain = np.sin(angle) if derivative == 1 else 2 * (1 - np.cos(angle))
         as_position = power / np.maximum(gain**2, _LEAST_GAIN)
         floor = np.median(as_position[len(as_position) // 2 :], axis=0)
+        # Positions rounded to steps of d have an error of d^2 / 12, wherever in frequency it lies.
+        density = welch(shot.position, 1 / period, nperseg=min(len(signal), _SEGMENT), axis=0, detrend="linear")[1][1:]
+        above = np.cumsum(density[::-1], axis=0)[::-1] * hertz[0]
+        counts = (as_position > _ABOVE_FLOOR * floor) & (above > _step(shot.position) ** 2 / 12)
         # The power that stands above the floor, added up from below.
-        within = np.cumsum(np.where(as_position > _ABOVE_FLOOR * floor, power, 0.0), axis=0)
+        within = np.cumsum(np.where(counts, power, 0.0), axis=0)
         found.append(hertz[np.argmax(within >= _SHARE * within[-1], axis=0)])
     return np.asarray(np.max(found, axis=0))
+
+
+def _step(position: FloatArray) -> FloatArray:
+    """Smallest step (n_joint,) of positions (n_sample, n_joint) that is no rounding of their numbers."""
+    size = np.abs(np.diff(position, axis=0))
+    return np.asarray(np.min(np.where(size > _NO_STEP * size.max(axis=0), size, np.inf), axis=0, initial=np.inf))
 
 
 def row_count(n_sample: int, options: PreprocessingOptions, sampling_period_s: float) -> int:
