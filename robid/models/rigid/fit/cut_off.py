@@ -264,8 +264,9 @@ def _rows(shot: Shot, model: RigidModel, options: PreprocessingOptions) -> tuple
     if is_dry.any():
         columns[..., is_dry] = coarse(dry.columns(*path, torque=load))
     kept = fine.kept(len(at))
-    rows = Rows(fine(columns), fine(coarse(torque)), np.abs(path[1][at[kept]]) >= motion.slow)
-    return rows, np.asarray(first + at[kept])
+    used = np.abs(path[1][at[kept]]) >= motion.slow
+    used = used if motion.rest is None else used & ~motion.rest[first + at[kept]]
+    return Rows(fine(columns), fine(coarse(torque)), used), np.asarray(first + at[kept])
 
 
 def _left_out(pieces: _Pieces, seen: _Pieces) -> FloatArray:

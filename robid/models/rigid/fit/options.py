@@ -54,6 +54,11 @@ class PreprocessingOptions:
     )
     position_order: int = option(4, "Order of one of its two passes.", ge=1, le=20)
     decimation: int = option(0, "Samples per kept sample; 0 keeps twice the cut-off's rate.", ge=0, le=100_000)
+    drop_rest: bool = option(
+        True,
+        "Whether rows of a motor that stands still are dropped, where its friction has a Coulomb term: that takes any "
+        "value there. Rows of a motor that hardly moves in the whole record stay.",
+    )
     drop_deviations: float = option(
         0.0, "Deviations of the speed's noise below which rows are dropped; 0 keeps all.", ge=0
     )

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from robid.arrays import BoolArray, FloatArray, check_shape
 from robid.models.rigid.fit.options import PreprocessingOptions
@@ -117,6 +118,7 @@ class Motion:
     held: bool  # whether each torque is a command held until the next sample; its mean about a sample is then taken
     load_dependent: bool  # whether friction grows with the torque
     loaded: bool  # whether a payload with parameters of its own is there
+    rest: BoolArray | None = None  # (n_sample, n_joint): where motors stand still; None where rows there count
 
     @property
     def reach(self) -> int:
@@ -151,8 +153,9 @@ def prepare(
     held: bool = False,
     load_dependent: bool = False,
     loaded: bool = True,
+    dry: bool = False,
 ) -> Motion:
-    """Checks a record and finds the speeds that are too slow.
+    """Checks a record and finds the speeds that are too slow, and where motors stand still if friction is `dry`.
 
     Of (n_sample, n_joint) each are measured positions [rad, or m], motor torques [N m, or N], commands held until the
     next sample where `held`, and, for instrumental variables, positions of a simulation without noise.
@@ -169,11 +172,34 @@ def prepare(
     if n_sample <= 2 * motion.reach + 2:
         message = f"The record has {n_sample} samples, but the ends of its filter alone reach into {2 * motion.reach}."
         raise ValueError(message)
+    is_dropping = dry and options.drop_rest
+    if not (options.drop_deviations or is_dropping):
+        return motion
+    inner = slice(motion.reach, n_sample - motion.reach)
+    removed = position[inner] - motion.smooth(position, inner.start, inner.stop)
     if options.drop_deviations:
-        inner = slice(motion.reach, n_sample - motion.reach)
-        removed = position[inner] - motion.smooth(position, inner.start, inner.stop)
         slow = np.maximum(slow, options.drop_deviations * speed_noise(removed, sampling_period_s, options))
-    return replace(motion, slow=slow)
+    return replace(motion, slow=slow, rest=_resting(position, removed, sampling_period_s) if is_dropping else None)
+
+
+_REST_S, _REST_SAMPLES = 0.25, 16  # shortest standstill, in seconds and in samples
+_WITHIN = 6.0  # deviations of the positions' noise: all of it
+_LEAST_MOVING = 0.1  # of the samples, below which a motor's standstill says nothing of its friction in motion
+
+
+def _resting(position: FloatArray, removed: FloatArray, sampling_period_s: float) -> BoolArray | None:
+    """Where each motor's positions (n_sample, n_joint) stay within their noise for some time; None if nowhere.
+
+    The median of what the low pass `removed` of them tells that noise, whatever motion is in it here and there.
+    """
+    n_sample = len(position)
+    width = min(max(_REST_SAMPLES, round(_REST_S / sampling_period_s)), n_sample)
+    noise = np.median(np.abs(removed), axis=0) / 0.6745  # of a normal distribution, the deviation
+    span = maximum_filter1d(position, width, axis=0) - minimum_filter1d(position, width, axis=0)
+    # A window at rest is at rest in all of its samples.
+    rest = maximum_filter1d((span <= _WITHIN * noise).astype(np.uint8), width, axis=0, origin=-(1 - width % 2)) > 0
+    rest &= (~rest).mean(axis=0) > _LEAST_MOVING
+    return np.asarray(rest) if rest.any() else None
 
 
 def speed_noise(removed: FloatArray, sampling_period_s: float, options: PreprocessingOptions) -> FloatArray:
@@ -229,24 +255,26 @@ class Reading:
         return Rows(
             columns(measured),
             self._decimator(motion.centred_torque(first, end)),
-            self._fast(deciding, motion.slow),
+            self._counting(motion, deciding, first),
             None if simulated is None else columns(simulated),
         )
 
     def __iter__(self) -> Iterator[Rows]:
         return (self[index] for index in range(len(self)))
 
-    def _fast(self, speed: FloatArray, slow: FloatArray) -> BoolArray:
-        """Which kept samples have no slow one nearer than the next kept one."""
+    def _counting(self, motion: Motion, speed: FloatArray, first: int) -> BoolArray:
+        """Which kept samples have none that is slow, or at rest, nearer than the next kept one."""
         kept = self._decimator.kept(len(speed))
         ok = np.ones((len(kept), speed.shape[1]), dtype=bool)
-        if not np.any(slow > 0):
-            return ok
         # A kept row is a mean over the decimator's reach; one slow sample near its centre would bring another friction
         # into it.
         nearest = min(self._decimator.factor, self._decimator.reach)
         window = kept[:, None] + np.arange(-nearest, nearest + 1)
-        return np.asarray(np.all(np.abs(speed[window]) >= slow, axis=1))
+        if np.any(motion.slow > 0):
+            ok &= np.all(np.abs(speed[window]) >= motion.slow, axis=1)
+        if motion.rest is not None:
+            ok &= ~np.any(motion.rest[first + window], axis=1)
+        return ok
 
 
 def _differentiated(

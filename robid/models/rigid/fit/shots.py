@@ -110,6 +110,7 @@ def motion_of(
         held=shot.held,
         load_dependent=model.needs_torque,
         loaded=shot.loaded,
+        dry=any("coulomb" in kind for kind in model.kinds),
     )
 
 

@@ -138,7 +138,7 @@ def _lead(content: RigidContent, own: list[Course], new: list[Course]) -> str:
         f" filtered to {significant(rate, 3)} rows a second, as the fit reads them."
     ]
     slow = any(np.isnan(course.measured).any() for course in (*own, *new))
-    told += ["Gaps are rows that are left out, about slow speeds."] if slow else []
+    told += ["Gaps are rows that are left out: of motors that stand still or are slow."] if slow else []
     told.append("Curves are thinned to the smallest and the largest value of each stretch, so that peaks stay.")
     if content.solution.chosen != "weighted" and own:
         told.append("On the fit's own records the prediction is that of least squares.")
