@@ -115,6 +115,12 @@ def is_grouped(cell: str) -> bool:
     return _THOUSANDS.fullmatch(cell) is not None
 
 
+def repeated_mark(cell: str) -> str:
+    """Returns the mark of thousands that stands in a number more than once; empty without one."""
+    found = next((mark for mark in ",." if cell.count(mark) > 1), "")
+    return found if found and is_grouped(cell) else ""
+
+
 def has_decimal_commas(cells: Sequence[str]) -> bool:
     """Whether commas in cells are decimal marks: no group of thousands begins with 0 or has other than three digits.
 
@@ -136,7 +142,10 @@ def tell_groups(columns: Sequence[Sequence[str]]) -> tuple[str, ...]:
         texts = [cell for cell in cells if ("," in cell or "." in cell) and is_number(cell, decimal_comma=True)]
         # Marks that stand before decimals, and can be nothing else
         told = [text for text in texts if not is_grouped(text) or ("," in text and "." in text)]
-        own.append("".join(sorted({text[max(text.rfind(","), text.rfind("."))] for text in told})))
+        marks = {text[max(text.rfind(","), text.rfind("."))] for text in told}
+        # One that stands twice in a number is none before decimals.
+        marks |= {"," if one == "." else "." for one in map(repeated_mark, texts) if one}
+        own.append("".join(sorted(marks)))
     every = "".join(sorted(set("".join(own))))
     return tuple({"": "?", ",": ".", ".": ",", ",.": ""}[marks or every] for marks in own)
 

@@ -22,6 +22,7 @@ from robid.logs.formats.layout import (
     is_number,
     is_row,
     number,
+    repeated_mark,
     split,
     split_all,
     without_groups,
@@ -269,9 +270,11 @@ class _Table:
         lines = (line.replace(",", ".") if layout.decimal_comma else line for _, line in rows)
         delimiter: Any = None if layout.separator == " " else layout.separator
         try:
-            return np.loadtxt(lines, delimiter=delimiter, usecols=columns, ndmin=2, comments=None, quotechar='"')
+            found = np.loadtxt(lines, delimiter=delimiter, usecols=columns, ndmin=2, comments=None, quotechar='"')
         except ValueError:
             return None
+        # A quote that is not closed takes the lines behind it for text.
+        return found if len(found) == len(rows) else None
 
     def _add_numbers(self, column: int, cells: Sequence[str], rows: Sequence[tuple[int, str]]) -> None:
         """Adds numbers cell by cell; gives the column up where one is none."""
@@ -284,6 +287,10 @@ class _Table:
                 return
             if "," in cell and self._layout.is_open(cell, column):
                 self._refuse(column, rows[index][0], cell, f"{without_groups(cell)} or {cell.replace(',', '.')}")
+                return
+            if (mark := repeated_mark(cell)) and self._layout.groups and self._layout.groups[column] != mark:
+                either = f"{without_groups(cell)}, where `{mark}` is no decimal mark as in other numbers"
+                self._refuse(column, rows[index][0], cell, either)
                 return
         self._parts[column].append(values)
 

@@ -24,6 +24,8 @@ from robid.signals.log_options import Dialect
 
 _DELIMITERS = (";", "\t", ",", "|", " ")
 _TAIL = 30  # lines at the end of the sample by which the columns are told
+_MOST_ABOVE = 4  # rows of numbers above a table, as of a matrix
+_FEWEST_CELLS = 2  # of what looks like a row
 _BRACKETS = re.compile(r"[\[(]([^\[\]()]*)[\])]\s*$")
 _UNITS = re.compile(
     "m?s|[uµ]s|ns|min|[mk]?n[·*]?m|k?n|m?[av]|k?w|[mu]?rad|deg|°|(m?rad|deg|°|turns?|rev|counts?|m?m)/s([\\^²]2?)?|rpm|[1u]/min"
@@ -49,7 +51,10 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     rows = [(i, line) for i, line in enumerate(lines) if is_row(line, dialect.comments)]
     if dialect.header_line:
         rows = [(i, line) for i, line in rows if i + 1 >= dialect.header_line]
-    separator, comma = tell_marks([line for _, line in rows[-_TAIL:]], dialect)
+    # The end, and some rows before: a signal that ended on whole numbers has no decimal marks there.
+    later = rows[len(rows) // 2 : -_TAIL]
+    some = [*later[:: max(1, len(later) // _TAIL)], *rows[-_TAIL:]]
+    separator, comma = tell_marks([line for _, line in some], dialect)
     cells = [(i, split(line, separator)) for i, line in rows]
     numeric = [c for _, c in cells[-_TAIL:] if any(is_number(cell, decimal_comma=comma) for cell in c)]
     if not numeric:
@@ -58,7 +63,7 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     kinds = tell_kinds([c for c in numeric if len(c) == width], [c for _, c in cells if len(c) == width], comma=comma)
     stated = dialect.header_line
     is_first = (at for at, (_, c) in enumerate(cells) if fits(c, kinds, comma=comma) and at >= bool(stated))
-    first = next(is_first, max(len(cells) - _TAIL, 0))
+    first = _begin(cells, next(is_first, max(len(cells) - _TAIL, 0)), width, bool(stated))
     before = [] if stated == 0 else cells[:first]
     # A line of text above the numbers has no names.
     before = [] if before and not stated and len(before[-1][1]) == 1 < width else before
@@ -78,15 +83,43 @@ def tell_layout(lines: Sequence[str], dialect: Dialect) -> Layout:
     headers = frozenset(
         line.strip(AROUND) for line in lines[:start] if not fits(split(line, separator), kinds, comma=comma)
     )
-    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), comma=comma, dialect=dialect)
+    groups = _groups([c for _, c in cells[first:] if len(c) == width], len(kinds), dialect)
     return Layout(separator, comma, tuple(names), tuple(units), start, kinds, width, headers=headers, groups=groups)
 
 
-def _groups(rows: Sequence[Sequence[str]], count: int, *, comma: bool, dialect: Dialect) -> tuple[str, ...]:
+def _begin(cells: Sequence[tuple[int, list[str]]], first: int, width: int, named: bool) -> int:
+    """Where rows begin, at or above the first one that fits: what looks like one above is read, and refused, as one.
+
+    Raises:
+        UnreadableLogError: If there are more rows of numbers above, of another table.
+    """
+    while first > named and len(cells[first - 1][1]) == width and _looks_like_a_row(cells[first - 1][1]):
+        first -= 1
+    alike = 0
+    for at in range(named, first):
+        alike = alike + 1 if _looks_like_a_row(cells[at][1]) else 0
+        if alike > _MOST_ABOVE:
+            begin, end = cells[at - alike + 1][0] + 1, cells[first][0]
+            told = f"line {begin}: Rows of numbers stand above the table that begins after line {end}."
+            remedy = f"Make it two logs, or read the later part alone by `dialect: {{header_line: {end}}}`."
+            raise UnreadableLogError(f"D654 {told}", remedy)
+    return first
+
+
+def _looks_like_a_row(cells: Sequence[str]) -> bool:
+    """Whether a line is a row for the most part, whatever its decimal mark, and no words before numbers."""
+    if len(cells) < _FEWEST_CELLS or cells[0][:1].isalpha() and not is_missing(cells[0]):
+        return False
+    numbers = sum(is_number(cell, decimal_comma=False) or is_number(cell, decimal_comma=True) for cell in cells)
+    missing = sum(map(is_missing, cells))
+    return any(cells) and 2 * (numbers + missing) >= len(cells) and (numbers > 0 or missing == len(cells))
+
+
+def _groups(rows: Sequence[Sequence[str]], count: int, dialect: Dialect) -> tuple[str, ...]:
     """The mark of thousands of each column: what is stated not to be that of decimals, else what the numbers tell."""
     if dialect.decimal is not None:
         return ("." if dialect.decimal == "," else ",",) * count
-    return tell_groups([[row[column] for row in rows] for column in range(count)]) if comma else ("",) * count
+    return tell_groups([[row[column] for row in rows] for column in range(count)])
 
 
 def tell_marks(lines: Sequence[str], dialect: Dialect) -> tuple[str, bool]:
