@@ -108,7 +108,7 @@ def _begin(cells: Sequence[tuple[int, list[str]]], first: int, width: int, named
 
 def _looks_like_a_row(cells: Sequence[str]) -> bool:
     """Whether a line is a row for the most part, whatever its decimal mark, and no words before numbers."""
-    if len(cells) < _FEWEST_CELLS or cells[0][:1].isalpha() and not is_missing(cells[0]):
+    if len(cells) < _FEWEST_CELLS or (cells[0][:1].isalpha() and not is_missing(cells[0])):
         return False
     numbers = sum(is_number(cell, decimal_comma=False) or is_number(cell, decimal_comma=True) for cell in cells)
     missing = sum(map(is_missing, cells))

@@ -12,6 +12,7 @@ from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
 from robid.logs.inspection.roles import Signal
 from robid.logs.period import format_lines
+from robid.printable import printable
 from robid.signals.log_options import TIME_UNITS
 
 _PLAIN = re.compile(r"[A-Za-z][A-Za-z0-9_./-]*( [A-Za-z]+)?")
@@ -64,7 +65,8 @@ def write_experiment(
         local = ", estimator: local_periodic" if len(made.inputs) > experiments and not is_arbitrary else ""
         lines += [f"    estimate: {{compensation: none{local}}}"]
     lines += ["execution: {backend: serial} # a single log is one task"]
-    return "\n".join(lines) + "\n"
+    # A log names its variables as it likes: in a comment no name may end the line.
+    return "\n".join(printable(line, keep="") for line in lines) + "\n"
 
 
 def _source(
