@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
-from robid.logs.formats.variables import LARGEST, Variables, find_variable, measurable, series_of, tell_format
+from robid.logs.formats.variables import LARGEST, Origin, Variables, find_variable, measurable, series_of, tell_format
 from robid.logs.mapping import Columns, LogMapping, Stream
 from robid.logs.streams import (
     NoSumError,
@@ -39,6 +39,7 @@ from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
 
 _SHOWN = 8  # fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists
+_DAY_NS = 86_400 * 10**9
 _SMALL = 1 << 27  # MAT files up to this size are read whole to suggest a name [bytes]
 # Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much
 _ABSURD = 1e6
@@ -53,6 +54,7 @@ class Read:
     problems: list[DataError]  # What is wrong with any of them
     notes: list[str]  # What to say about them
     beside: NDArray[Any] | None = None  # The time stamps of a time that is a channel itself; None where it has none
+    origin: Origin | None = None  # The moment from which the log's own time counts; None where it is not known
 
 
 def read_columns(mapping: LogMapping) -> Read:
@@ -76,6 +78,7 @@ def read_columns(mapping: LogMapping) -> Read:
     if mapping.time is not None and (time := mapping.time.variable) not in channels:
         found.beside = logs[mapping.file].get(f"{time}.time")
         found.stamps, untimed = read_column(mapping, logs[mapping.file], time, time)
+        found.origin = logs[mapping.file].origin(time)
     for column, channel in channels.items():
         _read_channel(mapping, channel, logs[mapping.variables[column][0]], found)
     found.problems += untimed
@@ -105,11 +108,14 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if values is None:
             continue
         stamps, clock, problems = _own_stamps(mapping, channel, path, name, variables)
-        if stamps is not None and found.beside is not None and np.array_equal(stamps, found.beside):
+        later_s = _seconds_later(found.origin, variables.origin(clock) if clock else None)
+        if stamps is not None and not later_s and found.beside is not None and np.array_equal(stamps, found.beside):
             stamps, clock = None, ""  # sample by sample they belong together with those of the log's own time
         elif stamps is not None:
             times = on_time_of_log(stamps, found.beside, found.stamps) if clock == f"{name}.time" else None
             stamps = _in_unit_of_time(mapping, stamps, variables.units.get(clock, "")) if times is None else times
+        if stamps is not None and later_s and mapping.time is not None:
+            stamps = stamps + later_s / mapping.time.to_seconds
         found.problems += problems
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
             finite = values[np.isfinite(values)].astype(float)
@@ -188,6 +194,16 @@ def _behind_other_time(mapping: LogMapping, path: Path, name: str, variables: Va
     names = list(variables.sizes)
     found = time_before(names, name)
     return found if found != mapping.time.variable and mapping.time.variable in times_of_groups(names) else ""
+
+
+def _seconds_later(first: Origin | None, other: Origin | None) -> float:
+    """How much later another time's moment zero is than the log's own; 0 where the two cannot be compared [s]."""
+    if first is None or other is None or first[0] != other[0]:
+        return 0.0
+    apart_ns = other[1] - first[1]
+    if first[0] == "midnight":
+        apart_ns = (apart_ns + _DAY_NS // 2) % _DAY_NS - _DAY_NS // 2  # recordings of one test may pass it
+    return 1e-9 * apart_ns
 
 
 def _in_unit_of_time(mapping: LogMapping, stamps: NDArray[Any], unit: str) -> NDArray[Any]:

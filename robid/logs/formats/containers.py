@@ -99,7 +99,18 @@ def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, fou
         groups = (table.read_row_group(group, columns=[name]) for group in range(table.num_row_groups))
         parts = [_numbers(one.column(top).combine_chunks(), name, top, is_time=is_time) for one in groups]
         values: NDArray[Any] = np.concatenate(parts) if parts else np.zeros(0)
-        found.add(name, (values - values[:1]) / np.timedelta64(1, "s") if is_time else values, unit)
+        if is_time:
+            values = _since_first(name, values, found)
+        found.add(name, values, unit)
+
+
+def _since_first(name: str, moments: NDArray[Any], found: Found) -> NDArray[np.float64]:
+    """Seconds since the first moment (n_row,) that there is, NaN where there is none; notes when that was."""
+    known = moments[~np.isnat(moments)].astype("datetime64[ns]")
+    if not len(known):
+        return np.full(len(moments), np.nan)
+    found.origins[name] = "1970", int(known[0].astype(np.int64))
+    return np.asarray((moments - known[0]) / np.timedelta64(1, "s"))
 
 
 def _numbers(column: Any, name: str, top: str, *, is_time: bool) -> NDArray[Any]:  # noqa: ANN401
@@ -149,6 +160,8 @@ def read_tdms(file: Path, wanted: Wanted) -> Found:
             if step and f"{name}.time" in wanted:
                 first = _first_s(channel.properties, begun)
                 found.add(f"{name}.time", first + float(step) * np.arange(len(channel)), "s")
+                if begun is not None:
+                    found.origins[f"{name}.time"] = "1970", int(begun.astype("datetime64[ns]").astype(np.int64))
             elif step:
                 found.mention(f"{name}.time", len(channel), "s")
     return found
@@ -183,6 +196,7 @@ def read_mdf(file: Path, wanted: Wanted) -> Found:
                     found.add(name, signal.samples, signal.unit or "")
                     if f"{name}.time" in wanted:
                         found.add(f"{name}.time", signal.timestamps, "s")
+                        found.origins[f"{name}.time"] = "1970", round(log.header.start_time.timestamp() * 1e6) * 1000
             else:
                 size = int(log.groups[group].channel_group.cycles_nr)
                 found.mention(name, size, str(log.groups[group].channels[index].unit or ""))

@@ -260,6 +260,7 @@ def _talk(process: subprocess.Popen[bytes], question: dict[str, Any]) -> tuple[d
         raise EOFError
     answer: dict[str, Any] = json.loads(line)
     found = Found(**{key: answer.get(key, {}) for key in ("sizes", "units", "texts")})
+    found.origins = {name: (since, count) for name, (since, count) in answer.get("origins", {}).items()}
     found.unreadable = {name: Reason(*reason) for name, reason in answer.get("unreadable", {}).items()}
     found.damage = Reason(*answer["damage"]) if answer.get("damage") else None
     for name, dtype, shape in answer.get("arrays", ()):
@@ -339,7 +340,7 @@ def _send_found(answers: IO[bytes], found: Found) -> None:
     }
     answer = {
         "arrays": [(name, x.dtype.str, x.shape) for name, x in arrays.items()],
-        **{"sizes": found.sizes, "units": found.units, "texts": found.texts},
+        **{"sizes": found.sizes, "units": found.units, "texts": found.texts, "origins": found.origins},
         "unreadable": {name: (reason.what, reason.remedy) for name, reason in found.unreadable.items()},
         "damage": None if found.damage is None else (found.damage.what, found.damage.remedy),
     }

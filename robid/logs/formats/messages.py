@@ -128,6 +128,7 @@ class Streams:
     _below: dict[str, bool] = field(default_factory=dict)
     _decoders: dict[str, Decode] = field(default_factory=dict)
     _begun: set[str] = field(default_factory=set)
+    _otherwise: set[str] = field(default_factory=set)  # Topics whose stamps are of another clock
 
     def prepare(self, topics: Sequence[Topic]) -> list[str]:
         """Notes topics that cannot be unpacked; returns those to be read: wanted ones, or not yet known."""
@@ -156,7 +157,7 @@ class Streams:
         def keep(path: str) -> bool:
             return first or self.is_wanted(f"{topic}.{path}")
 
-        for path, value in (*self._times(message, time, keep), *named_numbers(message, keep)):
+        for path, value in (*self._times(topic, message, time, keep), *named_numbers(message, keep)):
             name = f"{topic}.{path}"
             if first:
                 self.found.mention(name, count, "s" if path.partition("[")[0] in _TIMES else "")
@@ -169,9 +170,19 @@ class Streams:
         """Returns the columns."""
         for name, values in self._columns.items():
             self.found.add(name, np.array(values), self.found.units.get(name, ""))
+            topic = next(one for one in self._begun if name.startswith(f"{one}."))
+            path = name.removeprefix(f"{topic}.").partition("[")[0]
+            if path == "log_time" or (path == "header.stamp" and topic not in self._otherwise):
+                self.found.origins[name] = "1970", self.start
         return self.found
 
-    def _times(self, message: Any, time: int, keep: Callable[[str], bool]) -> Iterator[tuple[str, float]]:  # noqa: ANN401
+    def _times(
+        self,
+        topic: str,
+        message: Any,  # noqa: ANN401
+        time: int,
+        keep: Callable[[str], bool],
+    ) -> Iterator[tuple[str, float]]:
         """When a message was logged and what its header says, from the log's beginning [s].
 
         A header of another clock is left as it is. Where messages name joints, each of these has times of its own.
@@ -181,7 +192,9 @@ class Streams:
         seconds, nanoseconds = field_of(stamp, "sec"), field_of(stamp, "nanosec")
         if seconds is not None and nanoseconds is not None:
             stamped = int(seconds) * 10**9 + int(nanoseconds)
-            times["header.stamp"] = 1e-9 * (stamped - self.start if abs(stamped - self.start) < _NEAR else stamped)
+            near = abs(stamped - self.start) < _NEAR
+            times["header.stamp"] = 1e-9 * (stamped - self.start if near else stamped)
+            self._otherwise |= set() if near else {topic}
         for path, value in times.items():
             yield path, value
             yield from ((one, value) for label in labels_of(message) if keep(one := f"{path}[{label}]"))

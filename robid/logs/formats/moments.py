@@ -107,6 +107,15 @@ def _month(word: str) -> int:
     return next((_MONTH[name[:length]] for length in (4, 3) if name[:length] in _MONTH), 0)
 
 
+_EPOCH = date(1970, 1, 1).toordinal()
+
+
+def origin_of(start: tuple[int, int], *, dated: bool) -> tuple[str, int]:
+    """What a moment, day and time of day [ns], counts from, `1970` or `midnight`, and the nanoseconds since then."""
+    day, instant = start
+    return ("1970", (day - _EPOCH) * _DAY + instant) if dated else ("midnight", instant)
+
+
 def is_moment(cell: str) -> bool:
     """Whether a text is a date, a time of day, or both."""
     moments = Moments()

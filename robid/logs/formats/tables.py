@@ -27,7 +27,7 @@ from robid.logs.formats.layout import (
     split_all,
     without_groups,
 )
-from robid.logs.formats.moments import Moments
+from robid.logs.formats.moments import Moments, origin_of
 from robid.logs.formats.recorders import tell_recorder
 from robid.logs.formats.telling import REMEDY, tell_layout, tell_marks, units_of
 from robid.logs.formats.unpacking import LONGEST_LINE, UNPACKING_ERRORS, UnreadableLogError, check_unpacks, open_bytes
@@ -320,7 +320,10 @@ class _Table:
                 what = f"D082 In its row {wrong + 1} is a date that there is not."
                 self._found.unreadable[self._names[column]] = Reason(what, "Correct or delete this row.")
             else:
-                values[column] = moments.seconds(self._start(moments))
+                start = self._start(moments)
+                values[column] = moments.seconds(start)
+                if start is not None and moments.kind != "minutes":
+                    self._found.origins[self._names[column]] = origin_of(start, dated=moments.kind in _DATED)
         for column in dict.fromkeys([*self._asked, *self._made.values(), *self._shared.values()]):
             if column in values:
                 done = body.finish(column, values[column], values.get(body.clocks.get(column, -1)))

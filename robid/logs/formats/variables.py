@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,6 +113,9 @@ def _told(file: Path, formats: Mapping[_Name, Format], otherwise: _Name) -> _Nam
     return next((name for name, one in formats.items() if last in one.suffixes), otherwise)
 
 
+Origin: TypeAlias = tuple[str, int]
+"""What a moment counts from, `1970` or `midnight`, and nanoseconds since then."""
+
 _SERIES = re.compile(r"\((?:\d+,\s*)*:(?:,\s*\d+)*\)$")
 _FIRST = re.compile(r"\(1\)")
 _BELOW = (".", "(", "{", "[", "/")
@@ -135,6 +138,9 @@ class Found:
     arrays: dict[str, NDArray[Any]] = field(default_factory=dict)  # Values of the variables that were asked for
     sizes: dict[str, int] = field(default_factory=dict)  # Number of values of every variable that could be read
     units: dict[str, str] = field(default_factory=dict)  # Units that the log states
+    # Moments from which times count that were written as moments: nanoseconds since 1970, or since midnight without
+    # a date, by the time's name
+    origins: dict[str, Origin] = field(default_factory=dict)
     unreadable: dict[str, Reason] = field(default_factory=dict)  # Variables that cannot be read, with the reason
     texts: dict[str, str] = field(default_factory=dict)  # Texts that the log holds beside its numbers
     damage: Reason | None = None  # What is wrong with the log as a whole, where some of it can be read
@@ -240,6 +246,11 @@ class Variables(Mapping[str, NDArray[Any]]):
     def units(self) -> Mapping[str, str]:
         """Units that the log states, as it writes them."""
         return self.found.units
+
+    def origin(self, name: str) -> Origin | None:
+        """The moment from which a time counts; None where it is not known."""
+        known = _match(self.found.origins, plain_name(name), name)
+        return None if known is None else self.found.origins[known]
 
     @property
     def texts(self) -> Mapping[str, str]:

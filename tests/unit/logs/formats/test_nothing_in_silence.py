@@ -60,9 +60,7 @@ def test_rows_of_another_table_above_are_refused_until_one_is_chosen(tmp_path):
     assert len(find_variable(load(tmp_path, lines, header_line=header), "q")) == ROWS
 
 
-@pytest.mark.parametrize(
-    "preface", [["1 0 0", "0 1 0", "0 0 1"], ["1,0", "0,1", "2,2"], ["gain,0.5,2", "zero,1,1"]]
-)
+@pytest.mark.parametrize("preface", [["1 0 0", "0 1 0", "0 0 1"], ["1,0", "0,1", "2,2"], ["gain,0.5,2", "zero,1,1"]])
 def test_few_numbers_above_a_header_are_no_rows(tmp_path, preface):
     assert len(find_variable(load(tmp_path, [*preface, "t,q,u", *rows(end=",1")]), "q")) == ROWS
 
