@@ -84,7 +84,31 @@ def read_columns(mapping: LogMapping) -> Read:
     found.problems += untimed
     times, variables = _times_before(mapping, logs[mapping.file]) if not times else (times, logs[mapping.file])
     untold = _untold_clocks(mapping, variables, times)
-    return replace(found, streams=[], problems=[*found.problems, *untold]) if untold else found
+    if untold:
+        return replace(found, streams=[], problems=[*found.problems, *untold])
+    return _in_order(mapping, found)
+
+
+def _in_order(mapping: LogMapping, found: Read) -> Read:
+    """The same in the order of time, where a log was written newest first."""
+
+    def turned(stamps: NDArray[Any] | None) -> bool:
+        if stamps is None or len(stamps) < 2 or not np.all(np.isfinite(stamps)):
+            return False
+        return bool(np.all(stamps[1:] < stamps[:-1]))  # unsigned ones have no differences below zero
+
+    own = turned(found.stamps)
+    streams, told = [], dict.fromkeys([mapping.file.name] * own)
+    for one in found.streams:
+        alike = own and one.stamps is None and found.stamps is not None and len(one.values) == len(found.stamps)
+        if not (alike or turned(one.stamps)):
+            streams.append(one)
+            continue
+        streams.append(replace(one, values=one.values[::-1], stamps=None if one.stamps is None else one.stamps[::-1]))
+        told |= dict.fromkeys([mapping.variables[one.column][0].name])
+    notes = [f"{name}: its rows stand newest first; they were put in the order of time." for name in told]
+    stamps = found.stamps[::-1] if own and found.stamps is not None else found.stamps
+    return replace(found, streams=streams, stamps=stamps, notes=[*found.notes, *notes])
 
 
 def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables, found: Read) -> None:

@@ -90,7 +90,9 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
     if pace is None:
         backward = np.flatnonzero(np.diff(time) <= 0)
         what = f"D122 Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
-        remedy = "Where stamps are only rounded, leave out `time`; else sort the log by time and drop repeated samples."
+        remedy = "Sort the log by time and drop repeated samples."
+        if not np.any(np.diff(time) < 0):  # stamps that go back are not only rounded
+            remedy = "Where stamps are only rounded, leave out `time`; else drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
     usual = pace.step
     exponent = round(np.log10(usual / stated))

@@ -32,6 +32,7 @@ _TIME = {
 _REGULAR = 0.5  # share of usual steps from which a variable can be a time
 _AGREES = 0.01
 _EVEN = 0.01  # deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it
+_LIKELY = 2  # score from which a name or unit says that a variable is a time
 _SURELY = 3  # score from which a variable is a time, whatever else is
 _REPEATED = 0.02  # share of samples with the stamp of the one before from which stamps are no times of single samples
 _LEAST = 100
@@ -222,6 +223,24 @@ def _from_scalars(scalars: Mapping[str, float]) -> tuple[float | None, str]:
 
 _NAMES = ("time", "timestamp", "stamp", "t", "zeit", "sec", "seconds", "clock")
 _TIMES = ("header.stamp", "log_time")
+
+
+def newest_last(contents: Contents) -> Contents:
+    """Returns a log in the order of its time: rows that were written newest first are turned around."""
+    turned = {
+        (one.file, one.group, len(one.values))
+        for one in contents.columns
+        if len(one.values) >= _LEAST
+        and np.all(np.diff(one.values) < 0)
+        and _rate(replace(one, values=one.values[::-1]), None) >= _LIKELY
+    }
+    if not turned:
+        return contents
+    columns = (
+        replace(one, values=one.values[::-1]) if (one.file, one.group, len(one.values)) in turned else one
+        for one in contents.columns
+    )
+    return replace(contents, columns=tuple(columns), notes=(*contents.notes, "its rows stand newest first"))
 
 
 def on_common_instants(contents: Contents) -> Contents:

@@ -8,6 +8,7 @@ import pytest
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.importing import import_log
+from robid.logs.inspection.findings import inspect_log
 from robid.logs.mapping import LogMapping
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
@@ -118,3 +119,31 @@ def test_a_missing_first_moment_is_the_only_one_that_is_missing(tmp_path):
     pq.write_table(pa.table({"t": pa.array(moments, pa.timestamp("ns"))}), tmp_path / "log.parquet")
     time = load_variables(tmp_path / "log.parquet")["t"]
     np.testing.assert_allclose(time, [np.nan, 0.0, 1e-3, 2e-3, 3e-3], atol=1e-12)
+
+
+@pytest.mark.parametrize("form", [None, "%Y-%m-%dT%H:%M:%S.%f"])
+@pytest.mark.parametrize("proposed", [False, True])
+def test_a_log_that_was_written_newest_first_is_put_in_the_order_of_time(tmp_path, form, proposed):
+    time_s = STEP * np.arange(PERIODS * PERIOD)
+    torque, motion = waves(time_s, 0), waves(time_s, 1)
+    stamps = [f"{time:.3f}" if form is None else (START + timedelta(seconds=time)).strftime(form) for time in time_s]
+    rows = [f"{at},{u:.12g},{q:.12g}" for at, u, q in zip(stamps, torque, motion, strict=True)]
+    file = tmp_path / "log.csv"
+    file.write_text("\n".join(["time [s],torque [N m],angle [rad]", *rows[::-1]]) + "\n")
+    time = "time [s]"
+    if proposed:
+        found = inspect_log([file])
+        assert found.sampling.step_s == pytest.approx(STEP)
+        time = found.sampling.variable
+    mapping = LogMapping(
+        file=file,
+        sampling_period_s=STEP,
+        time=TimeChannel(time, "s"),
+        inputs=(InputChannel("motor", "torque [N m]", "N m"),),
+        outputs=(OutputChannel("motor", "angle [rad]"),),
+    )
+    record = import_log(
+        mapping, samples_per_period=PERIOD, periods=PERIODS, excited_lines=LINES, configurations=np.zeros((1, 1))
+    )
+    np.testing.assert_allclose(record.inputs.ravel(), torque, atol=1e-9)
+    assert any("newest first" in note for note in record.notes)
