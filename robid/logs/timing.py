@@ -100,8 +100,8 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
         what = f"D123 The time unit is off by a factor of {10.0**exponent:g}: steps are {usual:g} s, not {stated:g} s."
         # The unit of the time that gives the stated steps, where there is one
         units = {0: "s", -3: "ms", -6: "us", -9: "ns"}
-        own = {unit: power for power, unit in units.items()}[mapping.time.unit]
-        fitting = units.get(own - exponent)
+        own = {unit: power for power, unit in units.items()}.get(mapping.time.unit)
+        fitting = None if own is None else units.get(own - exponent)
         remedy = f"Set time.unit to {fitting}." if fitting else "Correct the unit of `time`, or sampling_period_s."
         return None, [DataError(what, where=where, remedy=remedy)]
     unsure = min(pace.unsure, UNSURE)

@@ -48,7 +48,7 @@ class Dialect:
         return {"tab": "\t", "whitespace": " "}.get(self.delimiter or "", self.delimiter)
 
 
-TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+TIME_UNITS: Final = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 """Units of time [s]."""
 
 
@@ -57,7 +57,7 @@ class TimeChannel:
     """The log's own time, against which the sampling period is checked."""
 
     variable: str = field(metadata={"description": "Name of the variable in the log."})
-    unit: Literal["s", "ms", "us", "ns"] = option("s", "Unit of the time.")
+    unit: Literal["s", "ms", "us", "ns", "min", "h"] = option("s", "Unit of the time.")
 
     @property
     def to_seconds(self) -> float:

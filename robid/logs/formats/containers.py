@@ -14,6 +14,8 @@ from robid.logs.formats.unpacking import room_for
 from robid.logs.formats.variables import Found, Reason, Wanted, number_repeated
 
 _UNITS = ("units", "unit", "Unit", "Units", "unit_string")
+_FILLS = ("_FillValue", "missing_value")
+_PACKED = (*_FILLS, "scale_factor", "add_offset")
 _PARQUET_UNITS = (b"unit", b"units")
 _COPIED = "Check that the log was copied completely."
 _VALUE = 8  # bytes of a number
@@ -34,8 +36,9 @@ def read_hdf5(file: Path, wanted: Wanted) -> Found:
 
 
 def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
-    unit = next((dataset.attrs[key] for key in _UNITS if key in dataset.attrs), "")
+    unit = next((np.ravel(dataset.attrs[key])[0] for key in _UNITS if key in dataset.attrs), "")
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
+    packed = {key: dataset.attrs[key] for key in _PACKED if key in dataset.attrs}
     for field in dataset.dtype.names or ("",):
         path = f"{name}.{field}" if field else name
         kind = dataset.dtype[field] if field else dataset.dtype
@@ -48,6 +51,27 @@ def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None
             found.mention(path, int(np.prod(dataset.shape)), unit)
         else:
             found.take(path, dataset, wanted, unit)
+            for name in [one for one in found.arrays if packed and one in (path, *_series(path, dataset, wanted))]:
+                found.arrays[name] = _unpacked(found.arrays[name], packed)
+
+
+def _series(path: str, dataset: Any, wanted: Wanted) -> list[str]:  # noqa: ANN401
+    """Names of the columns and rows of a matrix that were asked for."""
+    return [f"{path}{index}" for index in wanted.series(path) or []] if len(dataset.shape) > 1 else []
+
+
+def _unpacked(values: NDArray[Any], packed: Mapping[str, Any]) -> NDArray[np.float64]:
+    """Values as their attributes say: NaN where one is a fill value, then scaled, then offset.
+
+    Source:
+        CF conventions 1.11, sec. 2.5.1 and 8.1.
+    """
+    made = values.astype(float)
+    for key in _FILLS:
+        if key in packed:
+            made[np.isin(values, np.ravel(packed[key]))] = np.nan
+    scale, offset = (float(np.ravel(packed.get(key, one))[0]) for key, one in (("scale_factor", 1), ("add_offset", 0)))
+    return np.asarray(scale * made + offset)
 
 
 def read_parquet(file: Path, wanted: Wanted) -> Found:

@@ -62,6 +62,19 @@ def unit_of_name(column: Column) -> str:
     return _stated(column).unit
 
 
+_LONG_TIMES = {
+    **dict.fromkeys(("min", "mins", "minute", "minutes", "minuten"), "min"),
+    **dict.fromkeys(("h", "hr", "hrs", "hour", "hours", "std", "stunden", "heures"), "h"),
+}
+"""What is a unit of time beside a signal that goes on as one; `min` of another is its least value."""
+
+
+def time_unit(column: Column) -> tuple[str, str]:
+    """Returns the unit that a time's name or its log states, as settings write it, and as stated; else nothing."""
+    stated = _stated(column)
+    return stated.unit or _LONG_TIMES.get(stated.raw.lower(), ""), stated.raw
+
+
 def _stated(column: Column) -> Stated:
     """Unit by the title in place of a name that says only where it lies, as Simulink's `out.signals(2).values`."""
     index = _COLUMN.search(column.name)

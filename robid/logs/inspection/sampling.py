@@ -11,7 +11,7 @@ import numpy as np
 from robid.arrays import FloatArray, Meaning
 from robid.logs.clocks import on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
-from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
+from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, time_unit, unit_of_name
 from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, longest_piece, measure_pace
@@ -37,6 +37,8 @@ _SURELY = 3  # score from which a variable is a time, whatever else is
 _REPEATED = 0.02  # share of samples with the stamp of the one before from which stamps are no times of single samples
 _LEAST = 100
 _USUAL_HZ = (10.0, 40e3)  # rates at which robots are recorded
+_FASTEST_HZ = 1e6  # rate at which nothing here is recorded
+_UNSTATED = ("s", "ms", "us", "ns")  # units that a time may have without saying so
 _SLOWEST_HZ = 2.0  # rate from which a time with fractions may be in seconds
 _STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is rounded
 
@@ -81,9 +83,16 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     if best <= 0:
         return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     column = columns[-index]
+    unit, raw = time_unit(column)
+    if raw and unit not in TIME_UNITS and known is None:
+        doubt = f"`{column.key}` is in `{raw}`, which is none of {', '.join(TIME_UNITS)}"
+        return Sampling("", "s", is_stated=False, step_s=None, doubt=doubt)
     pace = measure_pace(column.values)
     usual = float(np.median(np.diff(column.values))) if pace is None else pace.step
     likely, is_stated = _units(column, usual, known)
+    if not likely:
+        doubt = f"the steps of `{column.key}` are {usual:.3g}, in whatever unit it is"
+        return Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     unit = likely[0]
     found = _measure(column.name, column.values if pace is None else pace.times, pace, TIME_UNITS[unit])
     others = tuple(
@@ -136,7 +145,7 @@ def _rate(column: Column, known_s: float | None) -> int:
     words = tokens(column.name.rpartition("/")[2])
     score = max((_TIME.get(word, 0) for word in words), default=0)
     score += 1 if known_s is not None and abs(usual / known_s - 1) < _AGREES else 0
-    score += 3 if unit_of_name(column) in TIME_UNITS else 0
+    score += 3 if time_unit(column)[0] in TIME_UNITS else 0
     return score or int(known_s is None and _is_clock(column, steps, float(usual)))
 
 
@@ -160,7 +169,7 @@ def is_ramp(values: FloatArray) -> bool:
 
 
 def _units(column: Column, usual: float, known_s: float | None) -> tuple[tuple[str, ...], bool]:
-    stated = unit_of_name(column)
+    stated, _ = time_unit(column)
     if stated in TIME_UNITS:
         return (stated,), True
     if known_s is not None:
@@ -169,9 +178,11 @@ def _units(column: Column, usual: float, known_s: float | None) -> tuple[tuple[s
                 return (unit,), True
     # Units in which a time with such steps is that of a robot's log
     whole = bool(np.all(column.values == np.round(column.values)))
-    rates = {unit: 1 / (usual * factor) for unit, factor in TIME_UNITS.items()}
+    rates = {unit: 1 / (usual * TIME_UNITS[unit]) for unit in _UNSTATED}
     within = [unit for unit, rate in rates.items() if _USUAL_HZ[0] <= rate <= _USUAL_HZ[1]]
     slow = not whole and _SLOWEST_HZ <= rates["s"] < _USUAL_HZ[0]
+    if not within and not slow and rates["s"] > _FASTEST_HZ:
+        return (), False
     return tuple(["s", *within] if slow else within or ["s"]), False
 
 

@@ -108,3 +108,20 @@ def test_names_of_variables_do_not_end_the_line_of_a_proposal(tmp_path, mark):
     source = read["campaigns"]["log"]["source"]["acquire"]
     assert [one["variable"] for one in source["inputs"]] == [name]
     assert [one["variable"] for one in source["outputs"]] == ["angle"]
+
+
+def test_packed_values_are_what_their_attributes_say(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    raw = np.array([[100, 1], [-250, 2], [-9999, 3]], np.int16)
+    with h5py.File(tmp_path / "log.h5", "w") as log:
+        for name, values in (("torque", raw[:, 0]), ("both", raw)):
+            log[name] = values
+            log[name].attrs.update({"scale_factor": 0.01, "add_offset": 1.0, "_FillValue": np.int16(-9999)})
+            log[name].attrs["units"] = np.array([b"N m"])
+        log["plain"] = raw[:, 1]
+    variables = load_variables(tmp_path / "log.h5")
+    np.testing.assert_allclose(find_variable(variables, "torque"), [2.0, -1.5, np.nan])
+    assert find_variable(variables, "plain").tolist() == [1, 2, 3]
+    assert variables.units["torque"] == "N m"
+    column = load_variables(tmp_path / "log.h5", None, ["both(:,1)"])
+    np.testing.assert_allclose(find_variable(column, "both(:,1)"), [2.0, -1.5, np.nan])

@@ -262,3 +262,19 @@ def test_a_time_whose_unit_nothing_tells_stays_open(step, likely):
 
 def test_the_same_time_again_is_no_signal():
     assert find_sampling([Column("exp1.t", TIME), Column("exp2.t", TIME)], {}).others == ("exp2.t",)
+
+
+@pytest.mark.parametrize(("unit", "seconds"), [("min", 60.0), ("h", 3600.0), ("ms", 1e-3), ("minutes", 60.0)])
+def test_a_stated_unit_of_time_is_taken(unit, seconds):
+    time = 1e-3 * np.arange(2000) / seconds
+    found = find_sampling([Column("time", time, unit), Column("torque", np.sin(time), "N m")], {})
+    assert found.is_stated
+    assert found.step_s == pytest.approx(1e-3)
+
+
+@pytest.mark.parametrize(("unit", "step"), [("100us", 10.0), ("fortnights", 1e-9), ("", 1e-3 / 86400)])
+def test_a_unit_of_time_that_is_not_known_is_not_guessed(unit, step):
+    time = step * np.arange(2000)
+    found = find_sampling([Column("time", time, unit), Column("torque", np.sin(time), "N m")], {})
+    assert found.step_s is None
+    assert found.doubt
