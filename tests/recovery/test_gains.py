@@ -8,9 +8,12 @@ import pytest
 from scipy.signal import lfilter
 
 from rigid_logs import PERIOD_S, fourier_motion
+from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.gains import estimate_gains
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
 from robid.models.rigid.fit.shots import Shot
+from robid.models.rigid.judge.plausible import assess_rigid
+from robid.results.grade import DO_NOT_USE
 from robid.robot.description import Inertial
 from robid.robot.nuisance import NuisanceStd
 from robid.robot.regressor.drives import RigidOptions
@@ -67,3 +70,15 @@ def test_gains_are_recovered_and_their_intervals_hold_them(name, doubts):
     assert share >= 24 / 30
     assert 0.7 < np.sqrt(np.mean(each**2)) < 1.3
     assert np.std(off) < (0.01 if doubts is EXACT else 0.05)
+
+
+@pytest.mark.parametrize(("share", "named"), [(1.0, False), (0.75, False), (0.3, True)])
+def test_a_load_that_is_far_from_what_was_carried_is_named(share, named):
+    robot = replace(load_robot(ROBOTS / "ur5e.yaml").to_robot(), nuisance_std=EXACT)
+    load = robot.payload
+    true = Inertial(share * load.mass_kg, load.com_m, share * load.inertia_kgm2)
+    shots = _records(replace(robot, payload=true), np.ones(len(robot.joints)), np.random.default_rng(3))
+    options = replace(OPTIONS, gain_std=0.1, model=RigidOptions(payload="body"), physical=False)
+    grade = assess_rigid(robot, fit_rigid(robot, shots, options), options)
+    assert (grade.causes[:1] == ("payload",)) is named
+    assert (grade.value == DO_NOT_USE) is named

@@ -39,8 +39,9 @@ _ALIKE, _TURNED = 0.8, -0.5  # correlation with the robot file's
 _TO_BLAME = 100.0
 _VISIBLE, _BESIDE = 0.1, 1.5  # of a motor's torque, and over what the fit leaves
 _TOLD, _UNFELT = 0.1, 0.3  # of a rotor's inertia: its deviation where it is told, and what is none
+_FELT = 0.05  # of a rotor's inertia, from which it is there
 _BEYOND, _FAR_BEYOND = 0.05, 1.0  # of a joint's range
-_MOVED = 3.0  # deviations
+_MOVED, _TORN = 3.0, 5.0  # deviations
 _POOR_CONDITION = 200.0
 _BIASED = 0.1
 
@@ -195,7 +196,9 @@ def _unfelt_rotors(solution: RigidSolution) -> Iterator[Finding]:
     std = np.sqrt(np.diag(estimate.covariance))
     told = (np.array(estimate.kinds) == "motor_inertia") & (estimate.nominal > 0) & (std < _TOLD * estimate.nominal)
     size = (np.abs(estimate.value) + _MOVED * std) / np.where(told, estimate.nominal, np.inf)
-    if told.any() and size[told].max() < _UNFELT:
+    # A rotor that is clearly there, though smaller than the file's, is none that a sensor does not see.
+    felt = told & (estimate.value - _MOVED * std > _FELT * estimate.nominal)
+    if told.any() and size[told].max() < _UNFELT and not felt.any():
         names = [name for name, is_told in zip(estimate.names, told.tolist(), strict=True) if is_told]
         worst = two_digits(100 * float(size[told].max()))
         message = f"the torques hold at most {worst} % of the rotors' inertias ({', '.join(names)})"
@@ -261,6 +264,22 @@ def _channels(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     left = float(solution.residuals.relative_error[index])
     message = f"{how} explains the torque of {name} but for {share:.0%}, where the fit leaves {left:.0%}"
     yield Finding("channels", message, decisive=True, strength=_TO_BLAME)
+
+
+def _gains(solution: RigidSolution, names: Sequence[str], prior_std: float | None) -> Iterator[Finding]:
+    """Gains far from what was known of them: the load was not carried as stated."""
+    if solution.gains is None or prior_std is None:
+        return
+    away = np.abs(1 / solution.gains.gain - 1) / prior_std
+    # What the load does not tell has no reason to leave what was known.
+    beyond = away / np.where(solution.gains.determined, _TORN, _MOVED)
+    index = int(np.argmax(beyond))
+    if beyond[index] > 1:
+        told = (
+            f"the known load asks for torques of {names[index]} {two_digits(float(solution.gains.gain[index]))} times "
+            f"the recorded ones, {two_digits(float(away[index]))} deviations from what `gain_std` states"
+        )
+        yield Finding("payload", told, decisive=True, strength=_TO_BLAME)
 
 
 def _negative(estimate: Estimate) -> Iterator[Finding]:
@@ -333,5 +352,6 @@ def assess_rigid(
         further: What else speaks against it, seen in its rows.
     """
     motors = motors_in(robot, solution, options)
-    found = scales or sorted((*parameter_findings(robot, solution, motors, tried), *further), key=_rank)
+    own = (*parameter_findings(robot, solution, motors, tried), *_gains(solution, motors.names, options.gain_std))
+    found = scales or sorted((*own, *further), key=_rank)
     return graded_alone(found, solution.estimate.status)

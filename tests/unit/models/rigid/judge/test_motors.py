@@ -123,3 +123,23 @@ def test_what_is_not_judged_is_left_out_of_the_error_that_is_told(robot):
     whole = np.sqrt((error[:, :2] ** 2).sum() / (held.prediction.measured[:, :2] ** 2).sum())
     assert whole < 0.1 < held.total_error
     assert f"{whole:.2g}" in held.outcome.verdict
+
+
+def _rotors(robot, factor):
+    joints = (
+        replace(one, motor=replace(one.motor, inertia_kgm2=factor * one.motor.inertia_kgm2)) for one in robot.joints
+    )
+    return replace(robot, joints=tuple(joints))
+
+
+@pytest.mark.parametrize("factor", [1.0, 4.0, 8.0])
+def test_rotors_that_the_file_has_too_large_are_no_sensors_behind_gears(robot, factor):
+    motion = fourier_motion(robot, N_SAMPLE)
+    rough = _rotors(robot, factor)
+    assert (
+        "torque_sensor"
+        not in assess_rigid(rough, fit_rigid(rough, [shot_along(robot, motion)], OPTIONS), OPTIONS).causes
+    )
+    behind = shot_along(_rotors(robot, 0.0), motion)
+    grade = assess_rigid(rough, fit_rigid(rough, [behind], OPTIONS), OPTIONS)
+    assert (grade.value, grade.causes[0]) == (DO_NOT_USE, "torque_sensor")
