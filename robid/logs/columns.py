@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.arrays import BoolArray
 from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import LARGEST, Origin, Variables, find_variable, measurable, series_of, tell_format
@@ -39,6 +40,9 @@ from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
 
 _SHOWN = 8  # fewest samples of a variable that is offered as a channel, and a quarter of the names that a message lists
+# A mark of missing values: ranges of all others by which it lies beyond them, share of the samples, and how many
+# numbers there are of others at least; a command of few levels has fewer
+_FAR, _MOST_MARKED, _MOVING = 10.0, 0.05, 20
 _DAY_NS = 86_400 * 10**9
 _SMALL = 1 << 27  # MAT files up to this size are read whole to suggest a name [bytes]
 # Ranges of all others by which a lone sample must lie beyond them to be refused; no sensor resolves as much
@@ -332,7 +336,29 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
             )
             read = f"{remedy.removesuffix('.') or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
+        elif name != time and (marks := _marks_of_missing(column)).any():
+            at = int(np.flatnonzero(marks)[0])
+            what = (
+                f"D655 It is exactly {column[at]:g} for {np.count_nonzero(marks)} samples, more than {_FAR:g} times the"
+                " range of all others away, as where a recorder marks missing values."
+            )
+            read = "Write NaN or leave these cells empty, or cut the log to a part without them."
+            problems.append(DataError(what, where=f"{where}, sample {first + at}", remedy=read))
     return problems
+
+
+def _marks_of_missing(column: NDArray[Any]) -> BoolArray:
+    """Which samples (n_sample,) are one number far beyond all others, which move: none of them measures anything."""
+    values = column.astype(float)
+    for extreme in (values.min(), values.max()):
+        marked = values == extreme
+        others = values[~marked]
+        if not 0 < np.count_nonzero(marked) <= _MOST_MARKED * len(values) or len(np.unique(others)) < _MOVING:
+            continue
+        beyond = max(float(extreme - others.max()), float(others.min() - extreme))
+        if np.count_nonzero(marked) > 1 and beyond > _FAR * float(np.ptp(others)):
+            return np.asarray(marked)
+    return np.zeros(len(values), bool)
 
 
 def _absurd_sample(column: NDArray[Any]) -> int | None:

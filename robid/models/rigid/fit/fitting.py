@@ -27,6 +27,7 @@ from robid.models.rigid.fit.regression import (
     Regression,
     ordinary_least_squares,
     reduce_rows,
+    residuals,
     sweep_bend,
     weighted_least_squares,
 )
@@ -130,11 +131,16 @@ def _estimate(problem: _Problem, nominal: FloatArray, options: RigidFitOptions, 
     vectors = first_moments(problem.model.names)
     decimator = problem.filters.decimator(period)
     conclusion = conclude(rows, decimator, problem.model.names, instruments, vectors=vectors, options=how)
+    chosen = {"huber": conclusion.huber, "instruments": conclusion.instruments}.get(options.estimator)
+    residual = conclusion.residual
+    if chosen is not None:
+        residual = residuals(rows, chosen.parameters)
     return Found(
         ordinary=plain,
         conclusion=conclusion,
         swept=tuple(sweep_bend(rows, conclusion.reduction, options.sweep, options.huber)),
         torque=np.concatenate([np.where(each.used, each.torque, np.nan) for each in rows]),
+        residual=residual,
         shot=shot_of_rows(problem.shots, problem.filters),
         shots=tuple(shot.name for shot in problem.shots),
         filters=problem.filters,

@@ -46,6 +46,7 @@ class Found:
     conclusion: Conclusion  # least squares, Huber's estimator and instrumental variables with their joint uncertainty
     swept: tuple[HuberRegression, ...]  # Huber's estimator at the bends of the sweep
     torque: FloatArray  # (n_row, n_joint): filtered torques, NaN where a row does not count
+    residual: FloatArray  # (n_row, n_joint): what the chosen estimator leaves of them
     shot: IntArray  # (n_row,): index of the shot that each row is of
     shots: tuple[str, ...]  # name of each shot
     filters: PreprocessingOptions  # filters of the rows
@@ -125,7 +126,7 @@ def make_solution(
         residuals=RowResiduals(
             time_s=np.arange(len(found.torque)) * decimation * found.sampling_period_s,
             torque=found.torque,
-            residual=found.conclusion.residual,
+            residual=found.residual,
             weight=huber_weights(found.conclusion.residual / found.conclusion.huber.scale, options.huber.bend),
             shot=found.shot,
             shots=found.shots,

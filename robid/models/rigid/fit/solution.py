@@ -101,7 +101,7 @@ class RowResiduals:
 
     time_s: Annotated[FloatArray, Quantity("s", "row", "Time, shots after each other")]
     torque: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "Filtered torque", compact=True)]
-    residual: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "What least squares leaves", compact=True)]
+    residual: Annotated[FloatArray, Quantity(_TORQUE, "row joint", "What the estimator leaves", compact=True)]
     weight: Annotated[FloatArray, Quantity("1", "row joint", "Huber's weight", compact=True)]
     shot: Annotated[IntArray, Quantity("1", "row", "Index of the record that each row is of")] = field(
         default_factory=no_rows
