@@ -84,7 +84,7 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
         return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
     column = columns[-index]
     unit, raw = time_unit(column)
-    if raw and unit not in TIME_UNITS and known is None:
+    if raw and not unit and known is None:
         doubt = f"`{column.key}` is in `{raw}`, which is none of {', '.join(TIME_UNITS)}"
         return Sampling("", "s", is_stated=False, step_s=None, doubt=doubt)
     pace = measure_pace(column.values)

@@ -158,14 +158,17 @@ def file_findings(robot: Robot, solution: RigidSolution, names: Sequence[str]) -
     """
     found, visible = solution.against_nominal, _visible(solution)
     size = np.where(visible & np.isfinite(found.ratio), np.abs(np.log(found.ratio)), 0.0)
-    worst, cause = int(np.argmax(size)), _likely_missing(robot)
+    worst = int(np.argmax(size))
+    cause = _likely_missing(robot, names[worst])
     if size[worst] > np.log(_FAR):
         times = two_digits(float(found.ratio[worst]))
         told = f"the links that {names[worst]} moves come out {times} times the robot file's"
-        decisive = bool(size[worst] > np.log(_TOO_FAR)) and not cause[1]
+        # What a load that the file lacks explains is no wrong scale; a gear ratio that nobody knows may well be one.
+        excused = bool(cause[1]) and cause[0] != "gear_ratio"
+        decisive = bool(size[worst] > np.log(_TOO_FAR)) and not excused
         yield Finding(cause[0], f"{told}{cause[1]}", decisive, float(size[worst] / np.log(_FAR)))
     unlike = int(np.argmin(np.where(visible, found.likeness, 1.0)))
-    likeness = float(found.likeness[unlike])
+    likeness, cause = float(found.likeness[unlike]), _likely_missing(robot, names[unlike])
     if visible[unlike] and abs(likeness) < _ALIKE:
         told = (
             f"what the links do to {names[unlike]} along this motion is not what the robot file's would do "
@@ -174,8 +177,10 @@ def file_findings(robot: Robot, solution: RigidSolution, names: Sequence[str]) -
         yield Finding(cause[0], told, decisive=False, strength=1 + _ALIKE - likeness)
 
 
-def _likely_missing(robot: Robot) -> tuple[str, str]:
+def _likely_missing(robot: Robot, joint: str) -> tuple[str, str]:
     """What of the robot file is known to be unsure, a cause with a clause: its notes and what it assumes come first."""
+    if f"{joint}.motor.gear_ratio" in robot.assumed:
+        return "gear_ratio", f"; the robot file assumes {joint}.motor.gear_ratio"
     for note in robot.notes:
         if "counterbalance" in note.lower():
             return "counterbalance", f"; the robot file notes: {note.rstrip('.')}"

@@ -204,7 +204,7 @@ def _refuted(findings: Sequence[Finding], robot: Robot, solution: RigidSolution,
     """
     of_file = {each.message for each in file_findings(robot, solution, motors.names)}
     for each in findings:
-        weak = not each.scales and each.cause in _REFUTED
+        weak = not each.scales and (each.cause in _REFUTED or each.message in of_file)
         strength = min(each.strength, 1.0) if each.message in of_file else each.strength
         yield replace(each, decisive=each.decisive and not weak, strength=strength)
 

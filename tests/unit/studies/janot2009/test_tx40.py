@@ -85,7 +85,7 @@ def test_published_motors_and_friction_come_back(fitted):
     figures = tx40_figures(solution, robot)
     assert figures["tx40.max_inertia_error_percent"] <= 15
     assert figures["tx40.max_viscous_error_percent"] <= 20
-    assert 7 < figures["tx40.relative_error_percent"] < 10
+    assert 6 < figures["tx40.relative_error_percent"] < 10  # of the moving rows; 9.1 with those at rest
     assert figures["tx40.trusted"] == 0  # Coulomb and viscous friction are not all that these gears have
     assert "correlated in time" in solution.checks.sentence
 

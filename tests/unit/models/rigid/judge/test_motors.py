@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rigid_logs import fourier_motion, shot_along
+from rigid_logs import fourier_motion, shot_along, with_masses
 from rigid_robots import random_chain
 from robid.models.rigid.fit.fitting import fit_rigid
 from robid.models.rigid.fit.options import PreprocessingOptions, RigidFitOptions
@@ -143,3 +143,16 @@ def test_rotors_that_the_file_has_too_large_are_no_sensors_behind_gears(robot, f
     behind = shot_along(_rotors(robot, 0.0), motion)
     grade = assess_rigid(rough, fit_rigid(rough, [behind], OPTIONS), OPTIONS)
     assert (grade.value, grade.causes[0]) == (DO_NOT_USE, "torque_sensor")
+
+
+def test_a_gear_ratio_that_the_file_assumes_is_named_before_its_masses(robot):
+    shot = shot_along(with_masses(robot, [30.0] * 3), fourier_motion(robot, N_SAMPLE))
+    new = shot_along(with_masses(robot, [30.0] * 3), fourier_motion(robot, N_SAMPLE, seed=8))
+    assumed = replace(robot, assumed=tuple(f"{one.name}.motor.gear_ratio" for one in robot.joints))
+    solution = fit_rigid(assumed, [shot], OPTIONS)
+    grade = assess_rigid(assumed, solution, OPTIONS)
+    assert (grade.value, grade.causes[0]) == (DO_NOT_USE, "gear_ratio")
+    assert "gear_ratio" not in assess_rigid(robot, solution, OPTIONS).causes
+    # What predicts new motions is not condemned by the file.
+    held = validate_rigid(assumed, solution, [new], OPTIONS, grade.findings)
+    assert held.outcome.grade.value >= PREDICTS
