@@ -353,10 +353,10 @@ def _marks_of_missing(column: NDArray[Any]) -> BoolArray:
     for extreme in (values.min(), values.max()):
         marked = values == extreme
         others = values[~marked]
-        if not 0 < np.count_nonzero(marked) <= _MOST_MARKED * len(values) or len(np.unique(others)) < _MOVING:
+        if not 1 < np.count_nonzero(marked) <= _MOST_MARKED * len(values) or len(np.unique(others)) < _MOVING:
             continue
         beyond = max(float(extreme - others.max()), float(others.min() - extreme))
-        if np.count_nonzero(marked) > 1 and beyond > _FAR * float(np.ptp(others)):
+        if beyond > _FAR * float(np.ptp(others)):
             return np.asarray(marked)
     return np.zeros(len(values), bool)
 

@@ -36,7 +36,7 @@ def read_hdf5(file: Path, wanted: Wanted) -> Found:
 
 
 def _take_dataset(name: str, dataset: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
-    unit = next((np.ravel(dataset.attrs[key])[0] for key in _UNITS if key in dataset.attrs), "")
+    unit = next((one for key in _UNITS if key in dataset.attrs for one in np.ravel(dataset.attrs[key])[:1]), "")
     unit = unit.decode(errors="replace") if isinstance(unit, bytes) else str(unit)
     packed = {key: dataset.attrs[key] for key in _PACKED if key in dataset.attrs}
     for field in dataset.dtype.names or ("",):
@@ -60,16 +60,17 @@ def _series(path: str, dataset: Any, wanted: Wanted) -> list[str]:  # noqa: ANN4
     return [f"{path}{index}" for index in wanted.series(path) or []] if len(dataset.shape) > 1 else []
 
 
-def _unpacked(values: NDArray[Any], packed: Mapping[str, Any]) -> NDArray[np.float64]:
+def _unpacked(values: NDArray[Any], packed: Mapping[str, Any]) -> NDArray[Any]:
     """Values as their attributes say: NaN where one is a fill value, then scaled, then offset.
 
     Source:
         CF conventions 1.11, sec. 2.5.1 and 8.1.
     """
-    made = values.astype(float)
-    for key in _FILLS:
-        if key in packed:
-            made[np.isin(values, np.ravel(packed[key]))] = np.nan
+    fills = [np.ravel(packed[key]) for key in _FILLS if key in packed]
+    none = np.isin(values, np.concatenate(fills)) if fills else np.zeros(values.shape, bool)
+    if not none.any() and not {"scale_factor", "add_offset"} & set(packed):
+        return values  # nanoseconds since 1970 have more digits than a float holds
+    made = np.where(none, np.nan, values.astype(float))
     scale, offset = (float(np.ravel(packed.get(key, one))[0]) for key, one in (("scale_factor", 1), ("add_offset", 0)))
     return np.asarray(scale * made + offset)
 

@@ -45,9 +45,7 @@ def explained_alone(rows: RowSource, shot: IntArray, left: FloatArray) -> Alone:
     if not len(poor):
         return Alone(error, row)
     step = -(-len(shot) // _MOST_ROWS)
-    torque, columns, used = (
-        np.concatenate([getattr(each, name) for each in rows])[::step] for name in ("torque", "columns", "used")
-    )
+    torque, columns, used = _thinned(rows, step)
     shot = shot[::step]
     records = [shot == index for index in np.unique(shot)]
     for motor in poor.tolist():
@@ -62,6 +60,17 @@ def explained_alone(rows: RowSource, shot: IntArray, left: FloatArray) -> Alone:
         row[motor] = min(tried, key=lambda key: (tried[key], key != motor))
         error[motor] = tried[row[motor]]
     return Alone(error, row)
+
+
+def _thinned(rows: RowSource, step: int) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Torques, columns and which rows count, of every so many rows of all blocks, which need not fit into memory."""
+    parts, first = [], 0
+    for each in rows:
+        kept = slice(-first % step, None, step)
+        parts.append((each.torque[kept], each.columns[kept], each.used[kept]))
+        first += len(each.torque)
+    torque, columns, used = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return torque, columns, used
 
 
 def _left_out(

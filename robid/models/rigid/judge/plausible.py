@@ -258,13 +258,16 @@ def _unexplained(solution: RigidSolution, motors: Motors, tried: Sequence[Trial]
 def _channels(solution: RigidSolution, motors: Motors) -> Iterator[Finding]:
     """Torques beyond their limit that go with another joint's motion, or differently in each record."""
     alone, residual = solution.alone, solution.expected.residual
-    told = elsewhere(solution) & motors.judged & (residual > MOTOR_ERROR_LIMIT)
-    if alone is None or not told.any():
+    if alone is None:
+        return
+    # What its own motion explains is a scale or a sign beside the other motors', which other findings name.
+    told = (
+        elsewhere(solution) & motors.judged & (residual > MOTOR_ERROR_LIMIT) & (alone.row != np.arange(len(residual)))
+    )
+    if not told.any():
         return
     index = int(np.argmax(np.where(told, residual, 0.0)))
     name, row, share = motors.names[index], int(alone.row[index]), float(alone.error[index])
-    if row == index:
-        return  # its own motion explains it: a scale or a sign beside the other motors', which others name
     how = "each record alone" if row == RECORDS else f"the motion of {motors.names[row]}"
     left = float(solution.residuals.relative_error[index])
     message = f"{how} explains the torque of {name} but for {share:.0%}, where the fit leaves {left:.0%}"

@@ -125,3 +125,13 @@ def test_packed_values_are_what_their_attributes_say(tmp_path):
     assert variables.units["torque"] == "N m"
     column = load_variables(tmp_path / "log.h5", None, ["both(:,1)"])
     np.testing.assert_allclose(find_variable(column, "both(:,1)"), [2.0, -1.5, np.nan])
+
+
+def test_times_with_a_fill_value_keep_their_last_digit(tmp_path):
+    h5py = pytest.importorskip("h5py")
+    stamps = 1_700_000_000_000_000_123 + 1_000_000 * np.arange(5)
+    with h5py.File(tmp_path / "log.h5", "w") as log:
+        log["time"] = stamps
+        log["time"].attrs["_FillValue"] = np.int64(-1)
+        log["time"].attrs["units"] = np.zeros(0)
+    np.testing.assert_array_equal(load_variables(tmp_path / "log.h5")["time"], stamps)
