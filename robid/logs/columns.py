@@ -337,14 +337,18 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
             read = f"{remedy.removesuffix('.') or 'Record again'}, or copy the log again: it may be damaged."
             problems.append(DataError(what, where=f"{where}, sample {first + lone}", remedy=read))
         elif name != time and (marks := _marks_of_missing(column)).any():
-            at = int(np.flatnonzero(marks)[0])
-            what = (
-                f"D655 It is exactly {column[at]:g} for {np.count_nonzero(marks)} samples, more than {_FAR:g} times the"
-                " range of all others away, as where a recorder marks missing values."
-            )
-            read = "Write NaN or leave these cells empty, or cut the log to a part without them."
-            problems.append(DataError(what, where=f"{where}, sample {first + at}", remedy=read))
+            problems.append(_marked(where, column, marks, first))
     return problems
+
+
+def _marked(where: str, column: NDArray[Any], marks: BoolArray, first: int) -> DataError:
+    at = int(np.flatnonzero(marks)[0])
+    what = (
+        f"D655 It is exactly {column[at]:g} for {np.count_nonzero(marks)} samples, more than {_FAR:g} times the range of"
+        " all others away, as where a recorder marks missing values."
+    )
+    remedy = "Write NaN or leave these cells empty, or cut the log to a part without them."
+    return DataError(what, where=f"{where}, sample {first + at}", remedy=remedy)
 
 
 def _marks_of_missing(column: NDArray[Any]) -> BoolArray:
