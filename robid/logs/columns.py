@@ -344,8 +344,8 @@ def check_values(mapping: LogMapping, columns: Columns, first: int = 0, remedy: 
 def _marked(where: str, column: NDArray[Any], marks: BoolArray, first: int) -> DataError:
     at = int(np.flatnonzero(marks)[0])
     what = (
-        f"D655 It is exactly {column[at]:g} for {np.count_nonzero(marks)} samples, more than {_FAR:g} times the range of"
-        " all others away, as where a recorder marks missing values."
+        f"D655 It is exactly {column[at]:g} for {np.count_nonzero(marks)} samples, more than {_FAR:g} times the range"
+        " of all others away, as where a recorder marks missing values."
     )
     remedy = "Write NaN or leave these cells empty, or cut the log to a part without them."
     return DataError(what, where=f"{where}, sample {first + at}", remedy=remedy)
