@@ -90,6 +90,18 @@ def write_parquet(path, columns):
     return path, dict(zip(columns, columns, strict=True))
 
 
+def write_json(path, columns):
+    path.write_text(json.dumps({"robot": "arm", "log": {name: x.tolist() for name, x in columns.items()}}, indent=1))
+    return path, {name: f"log.{name}" for name in columns}
+
+
+def write_json_lines(path, columns):
+    rows = zip(*(x.tolist() for x in columns.values()), strict=True)
+    made = (json.dumps({"state": "run", "drive": dict(zip(columns, row, strict=True))}) for row in rows)
+    path.write_text("\n".join(made) + "\n")
+    return path, {name: f"drive.{name}" for name in columns}
+
+
 def write_tdms(path, columns, units=None):
     nptdms = pytest.importorskip("nptdms")
     with nptdms.TdmsWriter(path) as writer:
@@ -168,6 +180,8 @@ WRITERS = {
     "mat 7.3": (write_mat_hdf5, "log.mat"),
     "hdf5": (write_hdf5, "log.h5"),
     "parquet": (write_parquet, "log.parquet"),
+    "json": (write_json, "log.json"),
+    "json lines": (write_json_lines, "log.jsonl"),
     "tdms": (write_tdms, "log.tdms"),
     "mdf": (write_mdf, "log.mf4"),
     "mcap": (write_mcap, "log.mcap"),

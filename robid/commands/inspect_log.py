@@ -226,7 +226,10 @@ def _print(shell: Shell, found: Findings, text: str, options: LogInspection) -> 
     shell.show(_table(found))
     further = {
         "of another length or topic": [f"{one.key} ({len(one.values)} samples)" for one in found.others],
-        "further times": list(found.sampling.others),
+        "further times": [
+            f"{name} ({later_s:+.3g} s)" if later_s else name
+            for name, later_s in zip(found.sampling.others, found.sampling.later_s, strict=True)
+        ],
         "single numbers": [f"{name} = {value:.6g}" for name, value in contents.scalars.items()],
         "texts": list(contents.texts),
         "not read": [f"{name}: {why}" for name, why in contents.unreadable.items()],

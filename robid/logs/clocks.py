@@ -186,7 +186,9 @@ def _brought(
     leading = next((one for one in timed if one.stream.column == first), timed[0])
     grid = _grid(leading, timed)
     step = float(np.median(np.diff(grid)))
-    low, high = max(one.times[0] for one in timed), min(one.times[-1] for one in timed)
+    beyond = [_beyond(one, step, period_s) for one in timed]
+    low = max(one.times[0] - further for one, further in zip(timed, beyond, strict=True))
+    high = min(one.times[-1] + further for one, further in zip(timed, beyond, strict=True))
     grid = grid[(grid >= low - _SAME * step) & (grid <= high + _SAME * step)]
     for one in timed:
         grid = grid[_covered(one, grid, step, period_s)]
@@ -228,8 +230,9 @@ def _grid(leading: _Timed, timed: Sequence[_Timed]) -> FloatArray:
     if abs(leading.pace.step / fastest.pace.step / parts - 1) > _RATE:
         return fastest.times
     step = leading.pace.step / parts
+    before = min(max(int((leading.times[0] - fastest.times[0]) / step + _SAME), 0), parts - 1)
     count = int((leading.times[-1] - leading.times[0]) / step * (1 + 1e-9)) + parts
-    return np.asarray(leading.times[0] + step * np.arange(count))
+    return np.asarray(leading.times[0] + step * np.arange(-before, count))
 
 
 def _is_held(one: _Timed, step: float) -> bool:
@@ -261,9 +264,9 @@ def _covered(one: _Timed, grid: FloatArray, step: float, period_s: float | None)
         if stop - start <= _DEGREE:
             continue
         margin = 0.0 if met or stop - start < 10 * _MARGIN else _MARGIN * one.pace.step
-        repeats = _repeats(one, period_s)
-        low = one.times[start] + (0.0 if repeats and start == 0 else margin)
-        high = one.times[stop - 1] - (0.0 if repeats and stop == len(one.times) else margin)
+        repeats, beyond = _repeats(one, period_s), _beyond(one, step, period_s)
+        low = one.times[start] + (-beyond if repeats and start == 0 else margin)
+        high = one.times[stop - 1] - (-beyond if repeats and stop == len(one.times) else margin)
         sound |= (grid >= low - _SAME * step) & (grid <= high + _SAME * step)
     return sound
 
@@ -273,6 +276,11 @@ def _repeats(one: _Timed, period_s: float | None) -> int:
     count = 0 if period_s is None else round(period_s / one.pace.step)
     whole = count > 0 and abs(count * one.pace.step / (period_s or 1.0) - 1) < _WHOLE
     return count if whole and len(one.times) > count + _DEGREE else 0
+
+
+def _beyond(one: _Timed, step: float, period_s: float | None) -> float:
+    """How far beyond its ends a variable is known by its period [s]: to where its next sample would be."""
+    return max(one.pace.step - step, 0.0) if _repeats(one, period_s) and not one.stream.held else 0.0
 
 
 def _at(one: _Timed, grid: FloatArray, step: float, period_s: float | None) -> tuple[FloatArray, float]:
@@ -287,15 +295,15 @@ def _at(one: _Timed, grid: FloatArray, step: float, period_s: float | None) -> t
         if not inside.any():
             continue
         count = _repeats(one, period_s) if stop - start == len(values) else 0
-        made[inside], own = _interpolated(one.times[start:stop], values[start:stop], grid[inside], count)
+        made[inside], own = interpolated(one.times[start:stop], values[start:stop], grid[inside], count)
         error = max(error, own)
     return made, error
 
 
-def _interpolated(
+def interpolated(
     times: FloatArray, values: FloatArray, wanted: FloatArray, period: int = 0
 ) -> tuple[FloatArray, float]:
-    """Samples at other instants, and the relative error that this makes.
+    """Returns samples at other instants, and the relative error that this makes.
 
     Evenly spaced ones are continued at both ends, by their period or else oddly, and written as sines, whose sum is the
     same at the samples and can be had at finer steps: the spline between these then sees nothing near half their rate.

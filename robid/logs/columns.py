@@ -17,6 +17,7 @@ from robid.errors import DataError
 from robid.logs.formats.load import load_variables
 from robid.logs.formats.variables import LARGEST, Origin, Variables, find_variable, measurable, series_of, tell_format
 from robid.logs.mapping import Columns, LogMapping, Stream
+from robid.logs.repeats import at_own_rate
 from robid.logs.streams import (
     NoSumError,
     UnknownNameError,
@@ -29,12 +30,14 @@ from robid.logs.streams import (
     on_time_of_log,
     own_times,
     parse_sum,
+    signed,
     time_before,
     times_of_groups,
     topic_of,
     topic_time,
     unwrapped,
 )
+from robid.logs.timing import going_on
 from robid.signals.log_channels import LogChannel, OutputChannel
 from robid.signals.log_options import TIME_UNITS
 from robid.signals.record import Record
@@ -94,7 +97,8 @@ def read_columns(mapping: LogMapping) -> Read:
 
 
 def _in_order(mapping: LogMapping, found: Read) -> Read:
-    """The same in the order of time, where a log was written newest first."""
+    """The same in the order of time, where a log was written newest first or its time begins again; see `repeats`."""
+    found = _going_on(mapping, found)
 
     def turned(stamps: NDArray[Any] | None) -> bool:
         if stamps is None or len(stamps) < 2 or not np.all(np.isfinite(stamps)):
@@ -112,6 +116,24 @@ def _in_order(mapping: LogMapping, found: Read) -> Read:
         told |= dict.fromkeys([mapping.variables[one.column][0].name])
     notes = [f"{name}: its rows stand newest first; they were put in the order of time." for name in told]
     stamps = found.stamps[::-1] if own and found.stamps is not None else found.stamps
+    streams, slow = at_own_rate(mapping, streams, stamps)
+    return replace(found, streams=streams, stamps=stamps, notes=[*found.notes, *notes, *slow])
+
+
+def _going_on(mapping: LogMapping, found: Read) -> Read:
+    """The same with times that go on where a counter or a time of day began again."""
+    told: dict[str, None] = {}
+
+    def whole(name: str, stamps: NDArray[Any] | None) -> NDArray[Any] | None:
+        made, size = (stamps, 0.0) if stamps is None else going_on(stamps)
+        told.update(
+            {} if not size else {f"{mapping.file.name}: the time `{name}` begins again after {size:.10g}": None}
+        )
+        return made
+
+    streams = [replace(one, stamps=whole(one.clock, one.stamps)) for one in found.streams]
+    stamps = whole("" if mapping.time is None else mapping.time.variable, found.stamps)
+    notes = [f"{one}; its samples were taken to go on." for one in told]
     return replace(found, streams=streams, stamps=stamps, notes=[*found.notes, *notes])
 
 
@@ -148,7 +170,7 @@ def _read_channel(mapping: LogMapping, channel: LogChannel, variables: Variables
         if channel.unwraps and not channel.problems() and values.dtype.kind in "fiu":
             finite = values[np.isfinite(values)].astype(float)
             wrap = channel.wrap(float(np.ptp(finite)) if len(finite) else 0.0)
-            values, jumps = unwrapped(values, wrap)
+            values, jumps = (unwrapped if channel.goes_on else signed)(values, wrap)
             found.notes += jump_notes(channel, name, wrap, jumps)
         found.streams.append(Stream(column, name, weight, values, stamps, clock, held))
 

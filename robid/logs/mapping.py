@@ -85,6 +85,7 @@ _STILL = "Constant in"
 _FEWEST = 16  # samples by which a range is told after which numbers begin again
 _BITS = (8, 10, 12, 13, 14, 15, 16, 17, 18, 19, 20, 22, 23, 24, 32)  # bits of counters
 _ROUNDING = 1e-3  # part of a range by which rounding may move a jump
+_WIDE = 4.0  # usual steps that signed numbers span at least: what switches between two levels is none
 _SLOW = 0.1  # part of a range that a sample moves at most, from which jumps by nearly all of it are told
 _USUAL = 4.0  # usual steps by which a jump may be beside the range
 
@@ -141,31 +142,49 @@ def _channels(mapping: LogMapping) -> list[str]:
 
 
 def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> list[DataError]:
-    """Finds measured angles and counters that begin again where that was not said.
+    """Finds measured angles and counters that begin again, and numbers without their signs, where that was not said.
 
     Their numbers stay within one range, and all that moves them further in a sample is a jump by nearly all of it.
 
     All samples count but where `part` says which of them are used.
     """
-    unsaid = [one for one in mapping.outputs if one.unwrap is None and not one.unwraps and not one.problems()]
-    measured = {one.column: one for one in unsaid}
+    unsaid = [one for one in mapping.channels if one.unwrap is None and not one.unwraps and not one.problems()]
+    measured = {one.column: one for one in unsaid if one in mapping.outputs or not one.goes_on}
     problems = []
     for one in streams:
         channel = measured.get(one.column)
-        if channel is None or channel.si_unit not in ("rad", "m"):
+        if channel is None:
             continue
         turn = 2 * np.pi / abs(channel.factor)
         turns = [turn, turn * channel.scale] if channel.si_unit == "rad" else []
-        found = _wrap_of(one.values[part].astype(float), turns)
+        values = one.values[part].astype(float)
+        found = _wrap_of(values, turns) if channel.goes_on else unsigned_range(values)
         if found is None:
             continue
         size, count = found
         stated = "true" if size in turns else f"{size:.0f}"
         told = "a turn" if size in turns else f"{size:.0f}, a counter's range,"
         what = f"D094 It jumps by {told} {count} times, and stays within: its numbers begin again."
+        if not channel.goes_on:
+            told = f"{size:.0f} {count} times, and is never negative"
+            what = f"D657 It jumps by {told}: numbers with signs were logged without them."
         where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
         problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
     return problems
+
+
+def unsigned_range(values: FloatArray) -> tuple[float, int] | None:
+    """Returns the range of whole numbers (n_sample,) that lost their signs, and how often they jump by it; else None.
+
+    With signs they move smoothly about zero, and by many of their steps.
+    """
+    known = values[np.isfinite(values)]
+    found = None if np.any(known < 0) else _wrap_of(known, ())
+    if found is None:
+        return None
+    signed = np.where(known >= found[0] / 2, known - found[0], known)
+    usual = float(np.median(np.abs(np.diff(signed))))
+    return found if np.ptp(signed) > _WIDE * usual > 0 else None
 
 
 def _wrap_of(values: FloatArray, turns: Sequence[float]) -> tuple[float, int] | None:

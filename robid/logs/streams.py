@@ -141,8 +141,18 @@ def unwrapped(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
     return found, int(np.count_nonzero(np.abs(np.diff(kept)) > wrap / 2))
 
 
+def signed(values: NDArray[Any], wrap: float) -> tuple[FloatArray, int]:
+    """Samples (n_sample,) that were logged as unsigned ones of a range, and how many of these are negative."""
+    found = values.astype(float)
+    negative = found >= wrap / 2
+    found[negative] -= wrap
+    return found, int(np.count_nonzero(negative))
+
+
 def jump_notes(channel: LogChannel, name: str, wrap: float, jumps: int) -> list[str]:
-    """Says that a variable jumped, by what, and how often; nothing where it did not."""
+    """Says that a variable jumped, by what, and how often, or was unsigned; nothing where it did not."""
+    if jumps and not channel.goes_on:
+        return [f"`{name}` was logged without signs: {jumps} of its samples, above {wrap / 2:g}, are negative."]
     turns = channel.unwrap is None or isinstance(channel.unwrap, bool)
     told = "a turn" if turns else f"its range of {wrap:g}"
     return [f"`{name}` jumped by {told} {jumps} times; the jumps were taken out."] if jumps else []

@@ -30,6 +30,16 @@ UNSURE = 0.01
 """Relative error of a rate from which stamps cannot tell it."""
 
 _FACTOR_OF_1000 = 0.2  # relative error of a time step within which it is that of another unit
+_COUNTERS = tuple(2.0**bits for bits in (8, 16, 24, 31, 32))
+_PARTS = (1.0, 1e3, 1e6, 1e9)  # of a unit that a counter was divided by, or by which a day was multiplied
+_CLOCKS = (3600.0, 86400.0)
+_RANGES = (
+    *(size / part for size in _COUNTERS for part in _PARTS),
+    *(size * part for size in _CLOCKS for part in _PARTS),
+)
+"""After how much a time may begin again, in its unit: a counter's range, an hour, a day."""
+_HELD_STEPS = 1.5  # usual steps up to which the step across the end of a range is one
+_MANY = 100  # steps that a range has at least
 
 
 @dataclass(frozen=True)
@@ -91,6 +101,8 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
         backward = np.flatnonzero(np.diff(time) <= 0)
         what = f"D122 Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
         remedy = "Sort the log by time and drop repeated samples."
+        if np.min(np.diff(time)) < -_MANY * float(np.median(np.abs(np.diff(time)))):
+            remedy = "If it contains several recordings, make each a log of its own; else sort it by time."
         if not np.any(np.diff(time) < 0):  # stamps that go back are not only rounded
             remedy = "Where stamps are only rounded, leave out `time`; else drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
@@ -222,3 +234,26 @@ def check_segment(mapping: LogMapping, n_sample: int, segment_samples: int) -> l
     )
     remedy = f"Set excitation.resolution_hz to {np.ceil(least * scale) / scale:.4g} or more, or record longer."
     return [DataError(what, where=f"{mapping.file}: {n_sample} samples", remedy=remedy)]
+
+
+def going_on(stamps: NDArray[Any]) -> tuple[NDArray[Any], float]:
+    """Returns times (n_sample,) that go on where a counter or a time of day began again, and after how much it did.
+
+    That is so where every step back and the range make a usual step. Two recordings in a row may do so by chance where
+    the second one begins where the first one did: these, as all others, are returned as they are, with 0.
+    """
+    if len(stamps) < _MANY or stamps.dtype.kind not in "iuf" or not np.all(np.isfinite(stamps)):
+        return stamps, 0.0
+    back = stamps[1:] < stamps[:-1]  # unsigned ones have no differences below zero
+    if not back.any() or np.mean(back) > 1 / _MANY:
+        return stamps, 0.0
+    times = since_first(stamps)
+    steps = np.diff(times)
+    usual, jumps, again = float(np.median(steps)), steps[back], stamps[1:][back].astype(float)
+    if np.any(np.abs(again - float(stamps[0])) < _HELD_STEPS * usual):
+        return stamps, 0.0
+    span = float(np.ptp(stamps.astype(float)))
+    for size in sorted(one for one in _RANGES if span < one and one > _MANY * usual):
+        if np.all((jumps + size > 0) & (jumps + size < _HELD_STEPS * usual)):
+            return times + size * np.concatenate([[0.0], np.cumsum(back)]), size
+    return stamps, 0.0

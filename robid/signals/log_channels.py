@@ -75,7 +75,7 @@ class LogChannel:
         None,
         "Whether jumps by a turn are removed, as from 180 to -180 degrees; done for a tool's angles when not "
         "given. A number is the range after which the log's numbers start again, as 65536 for a counter of 16 "
-        "bits.",
+        "bits; of torques, currents and speeds, which do not go on, its upper half is then negative.",
     )
     file: str | None = option(None, "Its log, written as `file` above, where a recording has several.")
     time: str | None = option(
@@ -113,6 +113,11 @@ class LogChannel:
     def unwraps(self) -> bool:
         """Whether jumps are taken out."""
         return (self.si_unit == "rad" and self.side == "tool") if self.unwrap is None else bool(self.unwrap)
+
+    @property
+    def goes_on(self) -> bool:
+        """Whether numbers that begin again go on, as those of angles and positions do; else they are signed ones."""
+        return self.si_unit in ("rad", "m")
 
     def wrap(self, span: float) -> float:
         """By how much the log's numbers jump where they begin again: a turn, or their range.
@@ -154,8 +159,6 @@ class LogChannel:
             found.append(f"S365 {told}; where its numbers begin again after a range, state that, as `unwrap: 65536`")
         elif not isinstance(self.unwrap, bool) and self.unwrap is not None and not 0 < self.unwrap < np.inf:
             found.append(f"S366 the range {self.unwrap:g} of `unwrap` is not above 0")
-        elif self.unwrap and self.si_unit not in ("rad", "m"):
-            found.append(f"S367 only angles and positions begin again: `unwrap` does not belong to {self.unit}")
         return found
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from answers import ask
+from robid.artifacts.kinds import RECORD, record_from_artifact
+from robid.artifacts.store import read_artifact
 
 STEP, PERIOD, PERIODS = 1e-3, 500, 6
 LINES = np.arange(3, 60)
@@ -210,6 +212,38 @@ def test_an_angle_that_wraps_is_said_to_and_goes_on_once_it_is_stated(tmp_path, 
     assert said in answer.flat
     output["unwrap"] = True if "true" in said else 65536
     (tmp_path / "x.yaml").write_text(json.dumps(settings))
+    assert ask("simulate-or-acquire", "x.yaml", "--force").code == 0
+
+
+@pytest.mark.parametrize("bits", [8, 16, 32])
+def test_torques_that_lost_their_signs_are_told_and_come_back_once_that_is_stated(tmp_path, monkeypatch, bits):
+    monkeypatch.chdir(tmp_path)
+    columns = log()
+    meant = np.round(columns["u"] / np.abs(columns["u"]).max() * min(2.0**bits / 4, 3000))
+    columns["u"] = meant % 2.0**bits
+    write_logs(tmp_path, [columns])
+    settings = settings_of("shot", 1)
+    acquire = settings["campaigns"]["log"]["source"]["acquire"]
+    (tmp_path / "x.yaml").write_text(json.dumps(settings))
+    answer = ask("simulate-or-acquire", "x.yaml", "--force")
+    assert answer.code == 4
+    assert f"`unwrap: {2**bits}`" in answer.flat
+    acquire["inputs"][0]["unwrap"] = 2**bits
+    (tmp_path / "x.yaml").write_text(json.dumps(settings))
+    assert ask("simulate-or-acquire", "x.yaml", "--force").code == 0
+    record = record_from_artifact(read_artifact(tmp_path / "runs" / "x" / "log" / "record.h5", RECORD))
+    torque = record.inputs.ravel()
+    np.testing.assert_array_equal(torque, meant[: len(torque)])
+
+
+@pytest.mark.parametrize("high", [1, 255, 65535])
+def test_a_command_that_switches_is_not_said_to_have_lost_its_signs(tmp_path, monkeypatch, high):
+    monkeypatch.chdir(tmp_path)
+    columns = log()
+    columns["u"] = high * (columns["u"] > 0) + np.arange(len(columns["u"])) // 3 % 2 * (1 - 2 * (columns["u"] > 0))
+    columns["u"] = np.clip(columns["u"], 0, high)
+    write_logs(tmp_path, [columns])
+    (tmp_path / "x.yaml").write_text(json.dumps(settings_of("shot", 1)))
     assert ask("simulate-or-acquire", "x.yaml", "--force").code == 0
 
 

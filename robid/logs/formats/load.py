@@ -29,6 +29,7 @@ from typing import IO, Any
 import numpy as np
 
 from robid.errors import DataError
+from robid.logs.formats.stamps import add_stamp, split_stamps
 from robid.logs.formats.unpacking import (
     UNPACKING_ERRORS,
     UnreadableLogError,
@@ -94,12 +95,24 @@ def _load(file: Path, format_: str | Callable[[], str], names: Collection[str] |
             raise DataError("D055 The log is a folder.", where=str(file), remedy="Name the file, not its folder.")
         _check_known(file)
         _check_installed(file, EVERY[name])
-        return _read(file, name, names, dialect)
+        return _with_stamps(file, name, names, dialect)
     except UnreadableLogError as e:
         raise DataError(str(e), where=str(file), remedy=e.remedy) from e
     except UNPACKING_ERRORS as e:
         remedy = "Check that it may be read and was copied completely."
         raise DataError(f"D056 The log cannot be opened ({e}).", where=str(file), remedy=remedy) from e
+
+
+def _with_stamps(file: Path, name: str, names: Collection[str] | None, dialect: Dialect) -> Variables:
+    """Reads a log, and the times that it holds in two variables: where one is wanted, both of its variables."""
+    read = _read(file, name, names, dialect)
+    stamps = split_stamps(read.sizes)
+    wanted = [stamps[one] for one in names or () if one in stamps]
+    if names is not None and wanted:
+        read = _read(file, name, {*names, *(part for first, second, _ in wanted for part in (first, second))}, dialect)
+    for made, parts in stamps.items():
+        add_stamp(read.found, made, parts)
+    return read
 
 
 def _read(file: Path, name: str, names: Collection[str] | None, dialect: Dialect) -> Variables:

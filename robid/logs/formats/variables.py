@@ -49,6 +49,7 @@ class Format:
 
 _TEXT = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log", ".lvm")
 _ROS = ("mcap", "rosbags")
+_JSON = (b'{"', b"[{", b"{\n", b"[\n", b"{\r", b"[\r")
 _IN_HERE: dict[LogFormat, Format] = {
     "csv": Format("a table of text", "tables:read_table", _TEXT, holds="columns"),
     "mat": Format("a MAT file", "mat:read_mat", (".mat",), (b"MATLAB ",)),
@@ -58,6 +59,7 @@ _IN_HERE: dict[LogFormat, Format] = {
     ),
     "mcap": Format("an MCAP file", "messages:read_mcap", (".mcap",), (b"\x89MCAP0\r\n",), "messages", _ROS, "ros"),
     "rosbag": Format("a ROS 2 bag", "messages:read_bag", (".db3",), (b"SQLite format 3\x00",), "messages", _ROS, "ros"),
+    "json": Format("JSON", "json_text:read_json", (".json", ".jsonl", ".ndjson"), _JSON, holds="columns"),
     "tdms": Format("a TDMS file", "containers:read_tdms", (".tdms",), (b"TDSm",), "timed", ("nptdms",), "tdms"),
     "mdf": Format(
         "an MDF file", "containers:read_mdf", (".mf4", ".mdf"), (b"MDF     ", b"UnFinMF "), "timed", ("asammdf",), "mdf"
@@ -67,7 +69,7 @@ FORMATS = {name: replace(one, reader=f"robid.logs.formats.{one.reader}") for nam
 """What a log may be; settings and the command line take the same names from `LogFormat`."""
 
 OF_RESPONSES: dict[str, Format] = {
-    **{name: FORMATS[name] for name in ("csv", "mat", "hdf5")},
+    **{name: FORMATS[name] for name in ("csv", "mat", "hdf5", "json")},
     "uff": Format(
         "a Universal File",
         "robid.logs.responses.universal:read_uff",
@@ -76,7 +78,6 @@ OF_RESPONSES: dict[str, Format] = {
         needs=("pyuff",),
         extra="uff",
     ),
-    "json": Format("JSON", "robid.logs.responses.universal:read_json", (".json",)),
 }
 """What a file of responses may be; settings take the same names from `ResponseFormat`."""
 

@@ -174,9 +174,11 @@ def _unit_of(signal: Signal) -> tuple[Settings, list[str]]:
     if signal.hint.by_letter and "unit" in settings and not signal.column.name.rstrip().endswith(("]", ")")):
         checks.append("unit by the last letter of the name")
     if signal.wrap is not None:
+        along = signal.role in ("angle", "position")
         turn = signal.wrap.unit != "counts" and settings["unit"] != "counts"
         settings["unwrap"] = True if turn else signal.wrap.size
-        checks.append(f"it starts again after {signal.wrap.size:.6g}, which `unwrap` takes out")
+        told = f"starts again after {signal.wrap.size:.6g}, which `unwrap` takes out"
+        checks.append(f"it {told}" if along else "its signs are lost, which `unwrap` puts back")
     return settings, checks
 
 

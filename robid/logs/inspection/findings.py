@@ -26,10 +26,11 @@ from robid.logs.inspection.excitation import (
     shorten,
     unsettled,
 )
+from robid.logs.inspection.instants import newest_last, on_common_instants, time_going_on
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
-from robid.logs.inspection.sampling import Sampling, find_sampling, newest_last, on_common_instants
+from robid.logs.inspection.sampling import Sampling, find_sampling
 from robid.logs.pace import longest_piece, roundest
 from robid.logs.period import Repetition
 from robid.logs.resample import limits_of, longest_bridged
@@ -103,7 +104,8 @@ def inspect_log(
         DataError: If it cannot be read, or holds no signals.
     """
     tell("reading")
-    contents = newest_last(join_contents([read_contents(file, format_, dialect) for file in files]))
+    contents = join_contents([read_contents(file, format_, dialect) for file in files])
+    contents = time_going_on(newest_last(contents))
     numbered, single = part_numbered(contents.columns)
     if numbered is not None:
         told = f"{numbered.told}: the first one is looked at."

@@ -15,6 +15,8 @@ from robid.logs.inspection.quality import Quality, Wrap, find_wrap, unwrapped
 from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
 from robid.logs.inspection.sampling import is_ramp
 from robid.logs.inspection.vocabulary import Role
+from robid.logs.mapping import unsigned_range
+from robid.logs.streams import signed
 from robid.signals.quantities import UNITS
 
 Evidence: TypeAlias = Literal["unit", "name", "short", "file", "relation", ""]
@@ -129,6 +131,8 @@ def find_roles(columns: Sequence[Column], qualities: Sequence[Quality], comparis
 
 def _without_wraps(signal: Signal) -> Signal:
     """A signal without jumps by a turn or by a counter's range; with a role where these alone say it."""
+    if signal.role in ("torque", "current", "force", "voltage", "speed"):
+        return _with_signs(signal)
     if signal.role not in ("angle", "position", "") or signal.quality.is_still:
         return signal
     stated = signal.hint.unit or ("?" if signal.states_unit else "")
@@ -138,6 +142,16 @@ def _without_wraps(signal: Signal) -> Signal:
     column = replace(signal.column, values=unwrapped(signal.column.values, wrap.size))
     signal = replace(signal, column=column, wrap=wrap)
     return signal if signal.role else _taken(signal, "angle", "it starts again as angles do")
+
+
+def _with_signs(signal: Signal) -> Signal:
+    """A signal with the signs that it was logged without."""
+    values = signal.column.values
+    found = unsigned_range(values)
+    if found is None:
+        return signal
+    column = replace(signal.column, values=signed(values, found[0])[0])
+    return replace(signal, column=column, wrap=Wrap(found[0], "counts", found[1]))
 
 
 def _taken(signal: Signal, role: Role, reason: str) -> Signal:

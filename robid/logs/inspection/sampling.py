@@ -9,17 +9,13 @@ from typing import Annotated
 import numpy as np
 
 from robid.arrays import FloatArray, Meaning
-from robid.logs.clocks import on_one_clock, own_rows
-from robid.logs.inspection.contents import Column, Contents
-from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, time_unit, unit_of_name
+from robid.logs.inspection.contents import Column
+from robid.logs.inspection.names import read_name, time_unit, unit_of_name
 from robid.logs.inspection.vocabulary import tokens
-from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, longest_piece, measure_pace
 from robid.logs.resample import limits_of
-from robid.logs.streams import is_table, time_before, times_of_groups
 from robid.logs.timing import UNSURE
-from robid.signals.log_channels import InputChannel, OutputChannel
-from robid.signals.log_options import TIME_UNITS, TimeChannel
+from robid.signals.log_options import TIME_UNITS
 
 _TIME = {
     "stamp": 4,
@@ -32,14 +28,16 @@ _TIME = {
 _REGULAR = 0.5  # share of usual steps from which a variable can be a time
 _AGREES = 0.01
 _EVEN = 0.01  # deviation of steps up to which a signal that says nothing of itself is a clock: rounded stamps have it
-_LIKELY = 2  # score from which a name or unit says that a variable is a time
+LIKELY = 2  # score from which a name or unit says that a variable is a time
 _SURELY = 3  # score from which a variable is a time, whatever else is
 _REPEATED = 0.02  # share of samples with the stamp of the one before from which stamps are no times of single samples
-_LEAST = 100
+LEAST = 100
 _USUAL_HZ = (10.0, 40e3)  # rates at which robots are recorded
 _FASTEST_HZ = 1e6  # rate at which nothing here is recorded
 _UNSTATED = ("s", "ms", "us", "ns")  # units that a time may have without saying so
 _SLOWEST_HZ = 2.0  # rate from which a time with fractions may be in seconds
+_LEAST_APART = 0.1  # steps from which two times of a row differ
+_MOST_APART = 0.5  # share of the log up to which two times of a row are of one clock
 _STRAIGHT = 1.0  # steps by which a ramp may be off a straight line: it is rounded
 
 
@@ -66,6 +64,12 @@ class Sampling:
     backward: Annotated[int, Meaning("Steps at which time stands still or goes back.")] = 0
     told_by: Annotated[str, Meaning("What else tells the time step, as a number of the log.")] = ""
     others: Annotated[tuple[str, ...], Meaning("Further times, as of the moment of writing.")] = ()
+    later_s: Annotated[
+        tuple[float, ...],
+        Meaning(
+            "By how much each of these is later than the time, in the median; 0 where it is no time of its kind [s]."
+        ),
+    ] = ()
     doubt: Annotated[str, Meaning("Why a time that there is does not tell the time step.")] = ""
     likely: Annotated[
         tuple[str, ...], Meaning("Units that its time may have, where several are as likely and nothing tells which.")
@@ -78,7 +82,7 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     coarse, doubt = _from_coarse(columns, known)
     if known is None and coarse is not None:
         known, told_by = coarse.step_s, coarse.told_by
-    rated = [(_rate(column, known), -index) for index, column in enumerate(columns)]
+    rated = [(rate_of_time(column, known), -index) for index, column in enumerate(columns)]
     best, index = max(rated, default=(0, 0))
     if best <= 0:
         return coarse or Sampling("", "s", bool(stated_s), known, told_by=told_by, doubt=doubt)
@@ -96,15 +100,35 @@ def find_sampling(columns: Sequence[Column], scalars: Mapping[str, float], state
     unit = likely[0]
     found = _measure(column.name, column.values if pace is None else pace.times, pace, TIME_UNITS[unit])
     others = tuple(
-        columns[-place].key
+        columns[-place]
         for score, place in rated
         if columns[-place] is not column
         and (score >= _SURELY or (score and np.array_equal(columns[-place].values, column.values)))
     )
     agrees = known is not None and found.step_s is not None and abs(found.step_s / known - 1) < _AGREES
     told_by = told_by if agrees else ""
-    found = replace(found, unit=unit, is_stated=is_stated or agrees, told_by=told_by, others=others)
+    later = tuple(_later(column, one, unit) for one in others)
+    found = replace(
+        found,
+        unit=unit,
+        is_stated=is_stated or agrees,
+        told_by=told_by,
+        others=tuple(one.key for one in others),
+        later_s=later,
+    )
     return found if len(likely) == 1 else replace(found, step_s=None, likely=likely)
+
+
+def _later(time: Column, other: Column, unit: str) -> float:
+    """How much later another time of a log is than its own one [s]; 0 where they are alike or of different clocks."""
+    to_s = TIME_UNITS[unit]
+    steps = np.diff(time.values), np.diff(other.values)
+    usual = float(np.median(steps[0]))
+    apart = float(np.median(other.values - time.values))
+    alike = abs(float(np.median(steps[1])) / usual - 1) < _AGREES and abs(apart) < _MOST_APART * float(
+        np.ptp(time.values)
+    )
+    return apart * to_s if alike and abs(apart) > _LEAST_APART * usual else 0.0
 
 
 def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Sampling | None, str]:
@@ -115,7 +139,7 @@ def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Samp
     doubt = ""
     for column in columns:
         unit, values = unit_of_name(column), column.values
-        if unit not in TIME_UNITS or len(values) < _LEAST or not np.all(np.isfinite(values)):
+        if unit not in TIME_UNITS or len(values) < LEAST or not np.all(np.isfinite(values)):
             continue
         to_s, pace = TIME_UNITS[unit], None
         if np.mean(np.diff(values) == 0) > _REPEATED:
@@ -132,8 +156,8 @@ def _from_coarse(columns: Sequence[Column], known_s: float | None) -> tuple[Samp
     return None, doubt
 
 
-def _rate(column: Column, known_s: float | None) -> int:
-    """How much a signal looks like a time; nothing or less where it cannot be one."""
+def rate_of_time(column: Column, known_s: float | None) -> int:
+    """Returns how much a signal looks like a time; nothing or less where it cannot be one."""
     values = column.values
     if not np.all(np.isfinite(values)):
         return 0
@@ -230,146 +254,3 @@ def _from_scalars(scalars: Mapping[str, float]) -> tuple[float | None, str]:
         if words in (("ts",), ("dt",), ("sampling", "period"), ("sample", "time"), ("sampling", "time")):
             return value, f"`{name}`"
     return None, ""
-
-
-_NAMES = ("time", "timestamp", "stamp", "t", "zeit", "sec", "seconds", "clock")
-_TIMES = ("header.stamp", "log_time")
-
-
-def newest_last(contents: Contents) -> Contents:
-    """Returns a log in the order of its time: rows that were written newest first are turned around."""
-    turned = {
-        (one.file, one.group, len(one.values))
-        for one in contents.columns
-        if len(one.values) >= _LEAST
-        and np.all(np.diff(one.values) < 0)
-        and _rate(replace(one, values=one.values[::-1]), None) >= _LIKELY
-    }
-    if not turned:
-        return contents
-    columns = (
-        replace(one, values=one.values[::-1]) if (one.file, one.group, len(one.values)) in turned else one
-        for one in contents.columns
-    )
-    return replace(contents, columns=tuple(columns), notes=(*contents.notes, "its rows stand newest first"))
-
-
-def on_common_instants(contents: Contents) -> Contents:
-    """Returns a log whose signals have the samples of one clock, where they have several in its table or messages."""
-    return _by_rows(contents) or _by_times(contents) or _by_topics(contents) or contents
-
-
-def _by_rows(contents: Contents) -> Contents | None:
-    """A table whose rows hold some of the signals each; None where it is none."""
-    length = max(len(one.values) for one in contents.columns)
-    table = [one for one in contents.columns if len(one.values) == length and one.file is None and not one.group]
-    whole = [one for one in table if np.isfinite(one.values).all()]
-    times = [one for one in whole if np.all(np.diff(one.values) >= 0) and np.ptp(one.values) > 0]
-    if len(table) < 3 or not times or len(whole) == len(table):
-        return None
-    # Name and unit say how surely a signal that rises is the time.
-    named = [2 * (unit_of_name(one) in TIME_UNITS) + any(word in _NAMES for word in tokens(one.name)) for one in times]
-    time = times[named.index(max(named))]
-    placed = [own_rows(Stream(one.name, one.name, 1.0, one.values), time.values) for one in table]
-    apart = {one.name: one for one in placed if one.stamps is not None}
-    if not apart:
-        return None
-    base = max(apart.values(), key=lambda one: len(one.values))
-    brought = _brought(contents, base, apart, time.name, time.values)
-    if brought is None:
-        return None
-    kept = np.isin(time.values, base.stamps) if base.stamps is not None else slice(None)
-    others = {one.name: one.values[kept] for one in table if one.name not in brought}
-    count = len(brought[time.name])
-    columns = tuple(
-        replace(one, values=brought.get(one.name, others.get(one.name, one.values)[:count]))
-        for one in contents.columns
-        if one in table
-    )
-    told = f"its rows hold some of the columns only: each is read at its own rows, by `{time.name}`."
-    rest = tuple(one for one in contents.columns if one not in table)
-    return replace(contents, columns=(*columns, *rest), notes=(*contents.notes, told))
-
-
-def _by_times(contents: Contents) -> Contents | None:
-    """A log whose signals have times beside them, not all the same; None where it is none."""
-    columns = {one.name: one for one in contents.columns if one.file is None and not one.group}
-    names = list(columns) if is_table(contents.file, contents.format) else []
-    own: dict[str, Column] = {}
-    for name in columns:
-        time = columns.get(f"{name}.time") or columns.get(time_before(names, name))
-        if time is not None and name not in times_of_groups(names) and len(time.values) == len(columns[name].values):
-            own[name] = time
-    times = list({id(time): time for time in own.values()}.values())
-    if not times or all(np.array_equal(time.values, times[0].values) for time in times):
-        return None
-    hints = read_names([columns[name] for name in own])
-    driving = [name for name, hint in zip(own, hints, strict=True) if hint.role in DRIVING]
-    base = (driving or list(own))[0]
-    streams = {
-        name: Stream(name, name, 1.0, columns[name].values, time.values, time.name) for name, time in own.items()
-    }
-    clock = own[base]
-    brought = _brought(contents, streams[base], streams, clock.name, clock.values)
-    if brought is None:
-        return None
-    dropped = {time.name for time in times} - {clock.name}
-    joined = [replace(columns[name], values=brought[name]) for name in columns if name in brought]
-    rest = [one for one in contents.columns if one.name not in brought and one.name not in dropped]
-    told = f"its signals have clocks of their own, as {', '.join(f'`{time.name}`' for time in times[:3])}: they are"
-    return replace(
-        contents, columns=(*joined, *rest), notes=(*contents.notes, f"{told} brought to that of `{clock.name}`.")
-    )
-
-
-def _by_topics(contents: Contents) -> Contents | None:
-    """Messages of several topics of which one drives and another one moves; None where there are none."""
-    topics: dict[str, list[Column]] = {}
-    for one in contents.columns:
-        if one.group and one.file is None:
-            topics.setdefault(one.group, []).append(one)
-    roles = {name: {hint.role for hint in read_names(members)} for name, members in topics.items()}
-    driving = [name for name, told in roles.items() if told & set(DRIVING)]
-    moving = [name for name, told in roles.items() if told & set(MOVING)]
-    if not driving or not moving or set(driving) & set(moving):
-        return None
-    chosen = [topics[driving[0]], topics[moving[0]]]
-    kind = next((one for one in _TIMES if all(_time_of(members, one) for members in chosen)), "")
-    first, other = (_time_of(members, kind) for members in chosen)
-    if first is None or other is None:
-        return None
-    streams = {
-        one.name: Stream(one.name, one.name, 1.0, one.values, stamps.values, stamps.name)
-        for members, stamps in zip(chosen, (first, other), strict=True)
-        for one in members
-        if len(one.values) == len(stamps.values) and not one.name.partition(".")[2].startswith(_TIMES)
-    }
-    base = next((one for one in streams.values() if one.clock == first.name), None)
-    brought = None if base is None else _brought(contents, base, streams, first.name, first.values)
-    if brought is None:
-        return None
-    joined = [
-        replace(one, values=brought[one.name], group=driving[0]) for one in contents.columns if one.name in brought
-    ]
-    rest = [one for one in contents.columns if one.name not in brought]
-    told = f"topics {driving[0]} and {moving[0]} have clocks of their own: they are brought to one by `{kind}`."
-    return replace(contents, columns=(*joined, *rest), notes=(*contents.notes, told))
-
-
-def _time_of(members: Sequence[Column], kind: str) -> Column | None:
-    return next((one for one in members if kind and one.name.partition(".")[2] == kind), None)
-
-
-def _brought(
-    contents: Contents, base: Stream, streams: Mapping[str, Stream], time: str, stamps: FloatArray
-) -> dict[str, FloatArray] | None:
-    """Signals at the instants of one of them, and these; None where they cannot be brought there."""
-    mapping = LogMapping(
-        file=contents.file,
-        sampling_period_s=1.0,
-        time=TimeChannel(time),
-        inputs=(InputChannel("base", base.column),),
-        outputs=tuple(OutputChannel(f"{index}", name) for index, name in enumerate(streams) if name != base.column),
-    )
-    joined, problems = on_one_clock(mapping, list(streams.values()), stamps)
-    return None if problems else dict(joined.columns)

@@ -166,6 +166,11 @@ def _sampling(found: Findings) -> list[str]:
             told += [f"{places}: the longest part without is used"]
         if sampling.backward:
             told += [f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out"]
+        for name, later_s in zip(sampling.others, sampling.later_s, strict=True):
+            if later_s:
+                way = "later" if later_s > 0 else "earlier"
+                whose = f"state `time: {name}` for the channels that it is the time of, if there are some"
+                told.append(f"`{name}` is {abs(later_s):.3g} s {way} in the same row: {whose}")
         lines.append(f"time: {{variable: {_text(sampling.variable)}, unit: {sampling.unit}}}{_comment(told)}")
     return lines
 
@@ -298,7 +303,9 @@ def remarks(found: Findings, signal: Signal) -> list[str]:
         )
     if quality.saturated:
         told.append(f"flat at its highest or lowest value for {100 * quality.saturated:.2g} % of the time: saturated?")
-    if signal.wrap is not None:
+    if signal.wrap is not None and signal.role not in ("angle", "position"):
+        told.append(f"logged without signs, jumps by {signal.wrap.size:.6g}: proposed with `unwrap`")
+    elif signal.wrap is not None:
         unit = "" if signal.wrap.unit == "counts" else f" {signal.wrap.unit}"
         told.append(
             f"starts again after {signal.wrap.size:.6g}{unit} {signal.wrap.count} times: proposed with `unwrap`"

@@ -149,7 +149,7 @@ def test_each_variable_of_a_sum_is_unwrapped_by_itself(tmp_path):
     "channel",
     [
         OutputChannel("q", "q", unit="mm", unwrap=True),
-        OutputChannel("q", "q", unit="rad/s", unwrap=65536.0),
+        OutputChannel("q", "q", unit="rad/s", unwrap=True),
         OutputChannel("q", "q", unwrap=-1.0),
     ],
 )

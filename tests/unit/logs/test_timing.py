@@ -8,7 +8,7 @@ import pytest
 
 from robid.logs.mapping import LogMapping
 from robid.logs.resample import chosen_part
-from robid.logs.timing import read_clock
+from robid.logs.timing import going_on, read_clock
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 
@@ -39,3 +39,41 @@ def test_nanoseconds_since_1970_are_read_to_the_last(kind):
     np.testing.assert_allclose(clock.time_s, 1e-6 * np.arange(5000), atol=1e-12)
     columns = {"t": stamps, "u": np.zeros(5000), "q": np.zeros(5000)}
     assert chosen_part(replace(mapping, from_s=1000e-6, to_s=2000e-6), columns) == slice(1000, 2001)
+
+
+@pytest.mark.parametrize(
+    ("kind", "step", "size", "first"),
+    [
+        (np.uint8, 1, 256, 200),
+        (np.uint16, 2, 65536, 65000),
+        (np.uint32, 2000, 2**32, 2**32 - 99_999),
+        (np.int32, 2000, 2**32, 2**31 - 99_999),
+        (float, 2e-3, 2**32 / 1e6, 4294.0),
+        (float, 4e-3, 86400.0, 86399.1),
+        (float, 4e-3, 3600.0, 3599.1),
+    ],
+)
+def test_a_time_that_begins_again_goes_on(kind, step, size, first):
+    steps = step * np.arange(900)
+    low = -size / 2 if kind is np.int32 else 0
+    stamps = ((first + steps - low) % size + low).astype(kind)
+    times, found = going_on(stamps)
+    assert found == pytest.approx(size)
+    np.testing.assert_allclose(times - times[0], steps, atol=1e-6 * step + 1e-9)
+
+
+@pytest.mark.parametrize("size", [65536, 3600 * 500])
+def test_two_recordings_in_a_row_are_not_joined(size):
+    stamps = np.concatenate([np.arange(size), np.arange(300)])
+    assert going_on(stamps)[1] == 0
+    _, (problem,) = read_clock(MAPPING, stamps)
+    assert "D122" in str(problem)
+    assert "log of its own" in problem.remedy
+
+
+@pytest.mark.parametrize("lost", [3, 40, 30_000])
+def test_a_step_back_that_is_no_range_is_left(lost):
+    stamps = (60000 + np.arange(9000)) % 65536
+    stamps[stamps < 10_000] += lost
+    assert going_on(stamps)[1] == 0
+    np.testing.assert_array_equal(going_on(stamps)[0], stamps)

@@ -106,3 +106,17 @@ def test_what_is_proposed_for_clocks_of_their_own_runs_to_the_right_phase(tmp_pa
         response = file["response"][0, :, 0, 0]
     # A rigid inertia's acceleration goes with its torque; joined row by row it would be off by 0.31 rad at 158 Hz.
     assert np.abs(np.angle(response)).max() < 0.01
+
+
+@pytest.mark.parametrize(("later_s", "told"), [(31e-3, "+0.031 s"), (-4e-3, "-0.004 s"), (0.0, None), (5e8, None)])
+def test_another_time_of_the_same_rows_that_is_later_is_told(tmp_path, monkeypatch, later_s, told):
+    """Of times of several clocks, and of those that are alike, nothing needs to be said."""
+    monkeypatch.chdir(tmp_path)
+    moments = STEP * np.arange(PERIOD * PERIODS)
+    rows = zip(moments, motion_at(moments), moments + later_s, torque_at(moments + later_s), strict=True)
+    cells = "\n".join(",".join(f"{one:.9f}" for one in row) for row in rows)
+    (tmp_path / "log.csv").write_text(f"stamp_position,position,stamp_torque,torque\n{cells}\n")
+    answer = ask("inspect", "log.csv", "--propose", "log.yaml")
+    assert answer.code == 0
+    assert ("time: stamp_torque" in (tmp_path / "log.yaml").read_text()) == (told is not None)
+    assert told is None or told in answer.out
