@@ -90,6 +90,17 @@ def write_parquet(path, columns):
     return path, dict(zip(columns, columns, strict=True))
 
 
+def write_npz(path, columns):
+    np.savez_compressed(path, robot="arm", **columns)
+    return path, dict(zip(columns, columns, strict=True))
+
+
+def write_npy(path, columns):
+    table = np.rec.fromarrays(list(columns.values()), names=list(columns))
+    np.save(path, table)
+    return path, dict(zip(columns, columns, strict=True))
+
+
 def write_json(path, columns):
     path.write_text(json.dumps({"robot": "arm", "log": {name: x.tolist() for name, x in columns.items()}}, indent=1))
     return path, {name: f"log.{name}" for name in columns}
@@ -179,6 +190,8 @@ WRITERS = {
     "mat": (write_mat, "log.mat"),
     "mat 7.3": (write_mat_hdf5, "log.mat"),
     "hdf5": (write_hdf5, "log.h5"),
+    "npz": (write_npz, "log.npz"),
+    "npz NPY": (write_npy, "log.npy"),
     "parquet": (write_parquet, "log.parquet"),
     "json": (write_json, "log.json"),
     "json lines": (write_json_lines, "log.jsonl"),

@@ -93,7 +93,8 @@ def _load(file: Path, format_: str | Callable[[], str], names: Collection[str] |
         name = format_ if isinstance(format_, str) else format_()
         if file.is_dir() and name != "rosbag":
             raise DataError("D055 The log is a folder.", where=str(file), remedy="Name the file, not its folder.")
-        _check_known(file)
+        if name != "npz":  # which is a zip archive, too
+            _check_known(file)
         _check_installed(file, EVERY[name])
         return _with_stamps(file, name, names, dialect)
     except UnreadableLogError as e:

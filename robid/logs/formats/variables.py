@@ -54,6 +54,7 @@ _IN_HERE: dict[LogFormat, Format] = {
     "csv": Format("a table of text", "tables:read_table", _TEXT, holds="columns"),
     "mat": Format("a MAT file", "mat:read_mat", (".mat",), (b"MATLAB ",)),
     "hdf5": Format("an HDF5 file", "containers:read_hdf5", (".h5", ".hdf5", ".hdf"), (b"\x89HDF\r\n\x1a\n",)),
+    "npz": Format("a NumPy file", "numpy_files:read_numpy", (".npz", ".npy"), (b"\x93NUMPY",)),
     "parquet": Format(
         "a Parquet file", "containers:read_parquet", (".parquet", ".pq"), (b"PAR1",), "columns", ("pyarrow",), "parquet"
     ),
@@ -84,10 +85,14 @@ OF_RESPONSES: dict[str, Format] = {
 EVERY: dict[str, Format] = {**{str(name): one for name, one in FORMATS.items()}, **OF_RESPONSES}
 """All that is read."""
 
+_ZIP, _ARRAY = b"PK\x03\x04", b".npy"
+"""First bytes of an archive, and the end of a name that follows where it holds arrays of NumPy."""
+
 FOREIGN = (
     (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
-    (b"PK\x03\x04", "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
+    (_ZIP, "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of an old version", "Save the sheet as CSV."),
+    (b"ARROW1", "an Arrow or Feather file", "Save the table as Parquet."),
     (b"\x28\xb5\x2f\xfd", "packed with zstd", "Unpack it with `zstd -d`."),
 )
 
@@ -107,6 +112,8 @@ def _told(file: Path, formats: Mapping[_Name, Format], otherwise: _Name) -> _Nam
     found = next((name for name, one in formats.items() if one.magic and start.startswith(one.magic)), None)
     if found is not None:
         return found
+    if "npz" in formats and start.startswith(_ZIP) and _ARRAY in start:
+        return next(name for name in formats if name == "npz")
     suffixes = [suffix.lower() for suffix in file.suffixes]
     if is_packed(file) and suffixes:
         suffixes.pop()
