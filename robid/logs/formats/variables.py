@@ -86,7 +86,7 @@ EVERY: dict[str, Format] = {**{str(name): one for name, one in FORMATS.items()},
 """All that is read."""
 
 _ZIP, _ARRAY = b"PK\x03\x04", b".npy"
-"""First bytes of an archive, and the end of a name that follows where it holds arrays of NumPy."""
+"""First bytes of an archive, and the end of a name that follows where its members are arrays of NumPy."""
 
 FOREIGN = (
     (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
