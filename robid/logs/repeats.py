@@ -50,7 +50,9 @@ def at_own_rate(
         The channels, and what to say about them.
     """
     rates = [rows_of_value(one.values) if one.stamps is None else (1, 0) for one in streams]
-    fastest = min((rows for rows, _ in rates), default=1)
+    # A command acts in every row; without one, channels that are slower together have nothing to be late for.
+    measured = [rows for (rows, _), one in zip(rates, streams, strict=True) if not one.held]
+    fastest = 1 if len(measured) < len(streams) else min(measured, default=1)
     pace = measure_pace(since_first(stamps)) if stamps is not None and np.all(np.isfinite(stamps)) else None
     made, notes = [], []
     for one, (rows, first) in zip(streams, rates, strict=True):

@@ -11,7 +11,7 @@ from robid.arrays import FloatArray
 from robid.logs.clocks import interpolated, on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
-from robid.logs.inspection.sampling import LEAST, LIKELY, rate_of_time
+from robid.logs.inspection.sampling import LEAST, LIKELY, is_ramp, rate_of_time
 from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.repeats import rows_of_value
@@ -64,7 +64,9 @@ def _by_rate(contents: Contents) -> Contents | None:
     """A log of which some signals were sampled more slowly than others, but commands; None where it is none."""
     length = max(len(one.values) for one in contents.columns)
     rates = {one.key: rows_of_value(one.values) for one in contents.columns if len(one.values) == length}
-    fastest = min(rows for rows, _ in rates.values())
+    fastest = min(
+        (rates[one.key][0] for one in contents.columns if one.key in rates and not is_ramp(one.values)), default=1
+    )
     slow = {
         one.key: rates[one.key][0]
         for one in contents.columns

@@ -78,6 +78,17 @@ def test_a_command_that_is_constant_over_rows_is_what_the_robot_got(tmp_path):
     np.testing.assert_allclose(record.inputs.ravel(), held(waves(TIME)[0], 5), rtol=1e-6, atol=1e-4)
 
 
+def test_a_motion_that_is_as_slow_as_its_command_comes_out_on_time(tmp_path):
+    torque, motion = waves(TIME)
+    table = np.stack([TIME, held(torque, 5), held(motion, 5)], axis=1)
+    names = "time [s],torque [Nm],position [rad]"
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header=names, comments="", fmt="%.12g")
+    command = InputChannel("motor", "torque [Nm]", "N m", hold="zoh")
+    record = imported(mapping_of(tmp_path / "log.csv", inputs=(command,)))
+    np.testing.assert_allclose(record.inputs.ravel(), held(torque, 5), rtol=1e-6, atol=1e-4)
+    assert np.std((record.outputs + record.output_offset).ravel() - motion) < 0.01 * np.std(motion)
+
+
 @pytest.mark.parametrize("slow", ["torque", "position"])
 def test_what_is_proposed_gives_the_response_in_its_phase(tmp_path, monkeypatch, slow):
     monkeypatch.chdir(tmp_path)
