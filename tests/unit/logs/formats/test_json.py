@@ -75,6 +75,12 @@ def test_moments_are_times_since_the_first_with_their_origin(tmp_path):
     assert variables.units["t"] == "s"
 
 
+def test_a_mark_of_lines_within_a_text_is_no_new_record(tmp_path):
+    rows = (json.dumps(one, ensure_ascii=False) for one in records(lambda i: {"note": f"a\u2028{i}"}))
+    variables = load(tmp_path, "\r\n".join(rows), "log.jsonl")
+    np.testing.assert_array_equal(find_variable(variables, "drive.q"), Q)
+
+
 def test_texts_and_lists_of_several_lengths_are_told_apart_from_numbers(tmp_path):
     variables = load(tmp_path, json.dumps(records(lambda i: {"mode": "run" * i, "odd": [0.0] * (1 + i % 2)})))
     for name in ("mode", "odd"):
