@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robid.logs.formats.variables import measurable
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import measure_pace
 from robid.logs.timing import since_first
 
 _CHANGES = 50  # changes of a value by which its rate is told
 _MOVES = 0.6  # share of the rows of its own at which a channel changes, at least
-_VARIED = 0.1  # relative deviation of its steps: those of an encoder at constant speed are all alike
+_VARIED = 0.1  # deviation of its steps, relative, in the median: those of an encoder at constant speed are all alike
 
 
 def rows_of_value(values: NDArray[Any]) -> tuple[int, int]:
@@ -26,7 +27,7 @@ def rows_of_value(values: NDArray[Any]) -> tuple[int, int]:
 
     That is told where all of its changes are whole numbers of rows apart and most of these rows have one; else 1 and 0.
     """
-    if values.dtype.kind not in "iuf" or len(values) < _CHANGES or not np.all(np.isfinite(values)):
+    if values.dtype.kind not in "iuf" or len(values) < _CHANGES or not np.all(measurable(values)):
         return 1, 0
     steps = np.diff(values.astype(float))
     changes = np.flatnonzero(steps) + 1
@@ -35,7 +36,9 @@ def rows_of_value(values: NDArray[Any]) -> tuple[int, int]:
     rows = int(np.gcd.reduce(np.diff(changes)))
     sizes = np.abs(steps[changes - 1])
     is_moving = len(changes) * rows >= _MOVES * (changes[-1] - changes[0])
-    return (rows, int(changes[0] % rows)) if is_moving and sizes.std() > _VARIED * sizes.mean() else (1, 0)
+    usual = float(np.median(sizes))
+    is_varied = np.median(np.abs(sizes - usual)) > _VARIED * usual
+    return (rows, int(changes[0] % rows)) if is_moving and is_varied else (1, 0)
 
 
 def at_own_rate(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
+from robid.logs.formats.variables import measurable
 from robid.logs.mapping import Columns, LogMapping, Stated
 from robid.logs.pace import longest_piece, measure_pace
 
@@ -242,7 +243,7 @@ def going_on(stamps: NDArray[Any]) -> tuple[NDArray[Any], float]:
     That is so where every step back and the range make a usual step. Two recordings in a row may do so by chance where
     the second one begins where the first one did: these, as all others, are returned as they are, with 0.
     """
-    if len(stamps) < _MANY or stamps.dtype.kind not in "iuf" or not np.all(np.isfinite(stamps)):
+    if len(stamps) < _MANY or stamps.dtype.kind not in "iuf" or not np.all(measurable(stamps)):
         return stamps, 0.0
     back = stamps[1:] < stamps[:-1]  # unsigned ones have no differences below zero
     if not back.any() or np.mean(back) > 1 / _MANY:
