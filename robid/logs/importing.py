@@ -212,13 +212,14 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
     columns, even = even_stamps(mapping, joined.columns)
     notes = [*read.notes, *joined.notes, *even]
     part = chosen_part(mapping, columns)
-    problems += check_wraps(mapping, read.streams, part)
+    wraps = check_wraps(mapping, read.streams, part)
+    problems += wraps.values()
     whole = whole_piece(mapping, columns, part, stated)
     columns = {name: column[part] for name, column in columns.items()}
     faults = {name: check_values(mapping, {name: one}, part.start or 0, whole) for name, one in columns.items()}
     problems += [fault for found in faults.values() for fault in found]
     # What is wrong with a column would be told once more, or overflow, in all that follows.
-    columns = {name: column for name, column in columns.items() if not faults[name]}
+    columns = {name: column for name, column in columns.items() if not (faults[name] or name in wraps)}
     clock = None
     if mapping.time is not None and mapping.time.variable in columns:
         stamps = columns[mapping.time.variable]

@@ -141,8 +141,8 @@ def _channels(mapping: LogMapping) -> list[str]:
     return problems
 
 
-def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> list[DataError]:
-    """Finds measured angles and counters that begin again, and numbers without their signs, where that was not said.
+def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> dict[str, DataError]:
+    """Finds by column measured angles and counters that begin again, and numbers without their signs, if not stated.
 
     Their numbers stay within one range, and all that moves them further in a sample is a jump by nearly all of it.
 
@@ -150,7 +150,7 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
     """
     unsaid = [one for one in mapping.channels if one.unwrap is None and not one.unwraps and not one.problems()]
     measured = {one.column: one for one in unsaid if one in mapping.outputs or not one.goes_on}
-    problems = []
+    problems: dict[str, DataError] = {}
     for one in streams:
         channel = measured.get(one.column)
         if channel is None:
@@ -169,7 +169,7 @@ def check_wraps(mapping: LogMapping, streams: Sequence[Stream], part: slice) -> 
             told = f"{size:.0f} {count} times, and is never negative"
             what = f"D657 It jumps by {told}: numbers with signs were logged without them."
         where = f"{mapping.variables[one.column][0]}: variable `{one.name}`"
-        problems.append(DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it."))
+        problems[one.column] = DataError(what, where=where, remedy=f"State `unwrap: {stated}` for it.")
     return problems
 
 

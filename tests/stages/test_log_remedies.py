@@ -236,6 +236,20 @@ def test_torques_that_lost_their_signs_are_told_and_come_back_once_that_is_state
     np.testing.assert_array_equal(torque, meant[: len(torque)])
 
 
+def test_of_torques_that_lost_their_signs_nothing_else_is_told(tmp_path, monkeypatch):
+    """Their periods seem to move apart, which is no loss of samples."""
+    monkeypatch.chdir(tmp_path)
+    columns = log()
+    columns["u"] = np.round(100 * columns["u"]) % 65536
+    write_logs(tmp_path, [columns])
+    (tmp_path / "x.yaml").write_text(json.dumps(settings_of("periodic", 1)))
+    assert ask("design-excitation", "x.yaml", "--force").code == 0
+    answer = ask("simulate-or-acquire", "x.yaml", "--force")
+    assert answer.code == 4
+    assert "D657" in answer.flat
+    assert re.findall(r"\bD\d{3}\b", answer.flat) == ["D657"]
+
+
 @pytest.mark.parametrize("high", [1, 255, 65535])
 def test_a_command_that_switches_is_not_said_to_have_lost_its_signs(tmp_path, monkeypatch, high):
     monkeypatch.chdir(tmp_path)
