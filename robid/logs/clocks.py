@@ -14,9 +14,9 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.logs.bridging import interpolation_error
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
-from robid.logs.resample import interpolation_error
 from robid.logs.timing import UNSURE, Clock
 
 _DEGREE = 7  # degree of the interpolating spline

@@ -13,6 +13,9 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 GAP = 1.5
 """Time step, in usual ones, from which samples are missing."""
 
+JITTER = 0.05
+"""Largest deviation of a time step from the usual one, relative, that still counts as regular."""
+
 _SCATTERED = 5.0  # standard deviations of the steps, of a clock that jitters, within which a longer one is no gap
 _EVEN = 0.5  # deviation of a step, relative, up to which it counts as a usual one
 _USUAL = 0.95  # share of usual steps from which the others are gaps

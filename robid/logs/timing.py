@@ -12,7 +12,7 @@ from robid.arrays import FloatArray, IntArray
 from robid.errors import DataError
 from robid.logs.formats.variables import measurable
 from robid.logs.mapping import Columns, LogMapping, Stated
-from robid.logs.pace import longest_piece, measure_pace
+from robid.logs.pace import JITTER, longest_piece, measure_pace
 
 RESAMPLED_RATE = 0.05
 """Largest relative difference of two clocks that resampling bridges: it has no filter against aliases."""
@@ -24,7 +24,6 @@ ALONE = (
 )
 """What to say where the clocks of several logs differ."""
 
-_JITTER = 0.05  # largest deviation of a time step from the usual one, relative, that still counts as regular
 _SAME_CLOCK = 1e-4  # relative difference of the mean time step from the sampling period that is passed over
 
 UNSURE = 0.01
@@ -56,6 +55,7 @@ class Clock:
     whole: str = ""  # What to set for the longest part in which nothing is missing; empty where there is none
     unsure: float = 0.0  # Relative error that the mean time step may have
     differs: bool = False  # Whether other logs that are read by the same settings have other clocks
+    followed_s: float = 0.0  # Longest step between two samples across which interpolation follows the channels [s]
 
     @property
     def is_off(self) -> bool:
@@ -180,9 +180,9 @@ def check_steps(
     inside = np.setdiff1d(np.arange(first, stop - 1), clock.gaps)
     deviation = float(np.abs(steps[inside] / clock.step_s - 1).max(initial=0.0))
     # What jitters or has another clock is resampled, which no gap may be in.
-    by_periods = stated if counted and deviation <= _JITTER and not clock.is_off else None
+    by_periods = stated if counted and deviation <= JITTER and not clock.is_off else None
     problems = [_gaps(clock, gaps, steps, by_periods)] if named and len(gaps) else []
-    if deviation > _JITTER:
+    if deviation > JITTER:
         what = f"D125 The time steps deviate from {clock.usual_s:g} s by up to {100 * deviation:.0f} %."
         remedy = "Set resample to time, or leave out `time` if only the stamps are coarse."
         problems.append(DataError(what, where=clock.where, remedy=remedy))
@@ -196,7 +196,7 @@ def _gaps(clock: Clock, gaps: IntArray, steps: FloatArray, stated: Stated | None
         f" {clock.first + gaps[0]}: {steps[gaps[0]]:.6g} s instead of {clock.usual_s:g} s."
     )
     remedy = clock.whole or "Record again, or cut the log to a part without a gap."
-    if stated is not None:
+    if stated is not None and steps[gaps].max() > clock.followed_s:
         begin, end = longest_piece(clock.gaps, len(clock.time_s))
         dropped = max(-(-begin // stated.samples), stated.dropped)
         whole = end // stated.samples - dropped

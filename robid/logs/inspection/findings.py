@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from robid.arrays import FloatArray, IntArray
+from robid.logs.bridging import longest_bridged
 from robid.logs.inspection.channels import Chosen, choose, propose_inputs, propose_outputs, propose_references
 from robid.logs.inspection.contents import Column, Contents, Numbered, join_contents, part_numbered, read_contents
 from robid.logs.inspection.excitation import (
@@ -31,15 +32,15 @@ from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
 from robid.logs.inspection.sampling import Sampling, find_sampling
-from robid.logs.pace import longest_piece, roundest
+from robid.logs.pace import JITTER, longest_piece, roundest
+from robid.logs.parts import limits_of
 from robid.logs.period import Repetition
-from robid.logs.resample import limits_of, longest_bridged
 from robid.signals.log_options import TIME_UNITS, Dialect, LogFormat
 
 _MEASURED = 24  # signals whose period is measured at most
-_JITTER = 0.05  # deviation of time steps from which samples are resampled to the log's time
 _UNKNOWN_STEP_S = 1e-3
 _NEAR = 0.03  # relative distance from the usual step of an uneven clock within which its even steps are chosen
+_LAST = 1e-3  # steps that a time may lack of a whole number of them
 _ROUND = 1e-9
 _FEWEST = 100  # even samples from which a part of an uneven clock is worth looking at
 _SCATTERED = 0.5  # share of the log in its longest part without a gap below which its gaps are those of an uneven clock
@@ -185,15 +186,18 @@ def _evened(
     """
     if clock is None or sampling.step_s is None or sampling.backward:
         return None, columns
-    scattered = sampling.longest[1] - sampling.longest[0] < _SCATTERED * len(clock.values)
-    if sampling.jitter <= _JITTER and not (sampling.gaps and scattered):
+    if sampling.jitter <= JITTER and not sampling.gaps:
         return None, columns
     time_s = (clock.values - clock.values[0]) * TIME_UNITS[sampling.unit]
     moving = [one for one, hint in zip(columns, read_names(columns), strict=True) if hint.role in (*DRIVING, *MOVING)]
     followed = [_filled(one.values) for one in moving]
     bridged_s = longest_bridged(time_s, followed, sampling.step_s) if sampling.gaps else np.inf
     begin, end = longest_piece(np.flatnonzero(np.diff(time_s) > bridged_s), len(time_s))
-    even = np.arange(time_s[begin], time_s[end - 1], sampling.step_s)
+    whole = sampling.longest[1] - sampling.longest[0]
+    if sampling.jitter <= JITTER and end - begin <= whole and whole >= _SCATTERED * len(clock.values):
+        return None, columns  # nothing is gained over its longest part without a gap
+    steps = (time_s[end - 1] - time_s[begin]) / sampling.step_s
+    even = time_s[begin] + sampling.step_s * np.arange(int(steps + _LAST) + 1)
     if len(even) < _FEWEST:
         return None, columns
     made = [replace(one, values=np.asarray(np.interp(even, time_s, one.values))) for one in columns]
@@ -254,7 +258,7 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         propose_outputs(chosen, comparison, band),
         propose_references(chosen),
         None,
-        resample="time" if found.is_evened or (found.sampling.variable and found.sampling.jitter > _JITTER) else "",
+        resample="time" if found.is_evened or (found.sampling.variable and found.sampling.jitter > JITTER) else "",
     )
     if found.evened_s is not None and found.evened_s[1]:
         made = replace(made, part_s=found.evened_s)

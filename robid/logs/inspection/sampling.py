@@ -13,7 +13,7 @@ from robid.logs.inspection.contents import Column
 from robid.logs.inspection.names import read_name, time_unit, unit_of_name
 from robid.logs.inspection.vocabulary import tokens
 from robid.logs.pace import GAP, Pace, longest_piece, measure_pace
-from robid.logs.resample import limits_of
+from robid.logs.parts import limits_of
 from robid.logs.timing import UNSURE
 from robid.signals.log_options import TIME_UNITS
 

@@ -11,6 +11,8 @@ from pathlib import Path
 from robid.logs.inspection.channels import Entry
 from robid.logs.inspection.findings import Findings
 from robid.logs.inspection.roles import Signal
+from robid.logs.inspection.sampling import Sampling
+from robid.logs.pace import JITTER
 from robid.logs.period import format_lines
 from robid.printable import printable
 from robid.signals.log_options import TIME_UNITS
@@ -86,9 +88,7 @@ def _source(
         lines += [f"{inside}from_s: {_value(made.part_s[0])} # the longest part without a gap"]
         lines += [f"{inside}to_s: {_value(made.part_s[1])}"]
     if made.resample:
-        longest = f", the longest is {found.sampling.longest_step:.2g} usual ones" if found.sampling.gaps else ""
-        uneven = f"time steps deviate by up to {100 * found.sampling.jitter:.0f} %{longest}"
-        why = uneven if made.resample == "time" else "the period is no whole number of samples"
+        why = _uneven(found.sampling) if made.resample == "time" else "the period is no whole number of samples"
         lines += [f"{inside}resample: {made.resample}{_comment((why,))}"]
     lines += [f"{inside}one_shot: true # check: {_ONE_SHOT}"] * made.one_shot
     lines += [f"{inside}drop_periods: {made.drop_periods}{_comment(_dropped(found))}"] if made.drop_periods else []
@@ -147,6 +147,14 @@ def _without_times(found: Findings) -> str:
     repeats = f"it repeats every {found.shared.samples:.6g} samples, lines with energy: {format_lines(found.lines)}"
     wanted = "period_s, low_hz and high_hz follow from sampling_period_s"
     return f"    # excitation: {{period_s: .., low_hz: .., high_hz: ..}}{_comment((f'{repeats}; {wanted}',))}"
+
+
+def _uneven(sampling: Sampling) -> str:
+    """What the steps of a time are that is to be brought to even ones."""
+    if sampling.gaps and sampling.jitter <= JITTER:
+        return f"about {sampling.missing} samples are missing within it, and interpolated"
+    longest = f", the longest is {sampling.longest_step:.2g} usual ones" if sampling.gaps else ""
+    return f"time steps deviate by up to {100 * sampling.jitter:.0f} %{longest}"
 
 
 def _sampling(found: Findings) -> list[str]:

@@ -8,7 +8,7 @@ import pytest
 
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
-from robid.logs.resample import chosen_part, whole_piece
+from robid.logs.parts import chosen_part, whole_piece
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 

@@ -8,9 +8,9 @@ import pytest
 from scipy.io import savemat
 
 from robid.errors import DataError
+from robid.logs.bridging import interpolation_error
 from robid.logs.importing import import_log, import_shot
 from robid.logs.mapping import LogMapping
-from robid.logs.resample import interpolation_error
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 
@@ -136,3 +136,49 @@ def test_the_error_of_a_wave_is_that_of_the_spline(line):
     found = make_interp_spline(index, wave, k=7)(between) - np.cos(2 * np.pi * line * between / 2000)
     told = interpolation_error(wave)
     assert 0.3 < float(found.std()) / (np.sqrt(0.5) * told) < 1.5 or float(found.std()) < 1e-12
+
+
+def losing(share, noise=0.0, seed=5):
+    """Time stamps and noise of the torque of a log that loses rows here and there."""
+    generator = np.random.default_rng(seed)
+    count = PERIODS * PERIOD
+    kept = generator.random(count) >= share
+    kept[0] = True
+    return STEP * np.arange(count)[kept], noise * generator.standard_normal(count), kept
+
+
+def import_losing(folder, share, noise=0.0, **changes):
+    """The record of such a log, and what it would be without the losses."""
+    time_s, noisy, kept = losing(share, noise)
+    torque, motion = waves(STEP * np.arange(PERIODS * PERIOD))
+    torque = torque + noisy * torque.std()
+    columns = {"t": time_s, "u": torque[kept], "q": motion[kept]}
+    savemat(folder / "log.mat", {name: values[:, None] for name, values in columns.items()})
+    told = {"samples_per_period": PERIOD, "periods": PERIODS - 1, "excited_lines": LINES}
+    record = import_log(mapping_of(folder / "log.mat", **changes), configurations=np.zeros((1, 1)), **told)
+    used = (PERIODS - 1) * PERIOD
+    found = np.stack([record.inputs.ravel(), (record.outputs + record.output_offset).ravel()])
+    return record, found, np.stack([torque[:used], motion[:used]]), np.flatnonzero(~kept[:used])
+
+
+@pytest.mark.parametrize("share", [3e-4, 1e-2])
+@pytest.mark.parametrize("noise", [0.0, 0.1])
+def test_few_lost_samples_are_filled_and_all_others_stay(tmp_path, share, noise):
+    record, found, wanted, lost = import_losing(tmp_path, share, noise, resample="time")
+    assert len(lost) > 0
+    kept = np.setdiff1d(np.arange(found.shape[1]), lost)
+    np.testing.assert_allclose(found[:, kept], wanted[:, kept], atol=1e-9 * np.abs(wanted).max())
+    error = ((found - wanted).std(axis=1) / wanted.std(axis=1)).max()
+    told = float(re.search(r"errors of ([\d.e-]+) %", next(one for one in record.notes if "Resampled" in one))[1]) / 100
+    assert error < 2 * told < 0.06
+
+
+def test_the_remedy_of_lost_samples_fills_them_where_it_can(tmp_path):
+    with pytest.raises(DataError, match="D126") as caught:
+        import_losing(tmp_path, 1e-2, 0.1)
+    assert "Set resample to time" in caught.value.remedy
+    with pytest.raises(DataError, match="D126") as caught:
+        import_losing(tmp_path, 0.03, 0.5)  # what would be put in would be off by a tenth of the torque
+    assert "Set resample to time:" not in caught.value.remedy
+    with pytest.raises(DataError, match="D109"):
+        import_losing(tmp_path, 0.03, 0.5, resample="time")

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from robid.logs.mapping import LogMapping
-from robid.logs.resample import chosen_part
+from robid.logs.parts import chosen_part
 from robid.logs.timing import going_on, read_clock
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel

@@ -123,6 +123,18 @@ def test_an_uneven_clock_is_brought_to_steps_of_which_a_period_has_a_whole_numbe
         assert made.part_s[1] - made.part_s[0] == pytest.approx(4.9, abs=0.01)
 
 
+def test_a_log_that_loses_a_row_here_and_there_is_used_whole(tmp_path):
+    generator = np.random.default_rng(7)
+    torque = multisine(TIME, 20)
+    table = np.stack([TIME, torque + 0.1 * torque.std() * generator.standard_normal(N), multisine(TIME, 20, 6)], axis=1)
+    table = np.delete(table, generator.choice(np.arange(1, N), N // 200, replace=False), axis=0)
+    header = "time [s],torque [Nm],q [rad]"
+    np.savetxt(tmp_path / "log.csv", table, fmt="%.12g", delimiter=",", header=header, comments="")
+    made = inspect_log([tmp_path / "log.csv"]).proposal
+    assert (made.resample, made.part_s) == ("time", None)
+    assert made.periods == N // 1000
+
+
 def test_units_follow_from_a_derivative_and_contradictions_are_told(tmp_path):
     speed = multisine(TIME, 20)
     angle = np.cumsum(speed) * STEP
