@@ -141,7 +141,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
 
     Else first to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains
     the residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
-    looked for only where it holds more than noise explains; else what noise may hide counts.
+    looked for only where it holds more than noise explains; else what noise may hide counts, last.
 
     The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
     finding, which a validation takes over. What the error costs decides only here: where new data are predicted within
@@ -173,7 +173,9 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
-    every = ordered(with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf))
+    told = with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf)
+    # What noise may hide comes behind all that shows.
+    every = ordered(sorted(told, key=lambda one: one.cause == "hidden"))
     return grade_fit(solution, every, own.cost_failures("the fit's own data"))
 
 

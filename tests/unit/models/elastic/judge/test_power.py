@@ -13,6 +13,7 @@ from robid.models.elastic.fit.nuisance.effects import moved_robot
 from robid.models.elastic.fit.nuisance.listing import list_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.solution import Detectable
+from robid.models.elastic.judge.assessment import assess_fit
 from robid.models.elastic.judge.grading import grade_validation, share_limit, telling_shares
 from robid.models.elastic.judge.hidden import asked_for, hidden_findings, worst_hidden
 from robid.models.elastic.judge.power import POWER, Elements, detectable_defects
@@ -224,3 +225,15 @@ def test_a_start_that_is_off_asks_for_no_defect_where_noise_is_far_below_the_mod
     solution = fit_elastic(robot, frf, OPTIONS, 0.0)
     found = replace(solution, detectable=detectable_defects(robot, solution, frf, OPTIONS, 0.0))
     assert asked_for(robot, found) is None
+
+
+def test_what_shows_is_named_before_what_may_be_hidden(sound):
+    robot, hiding = two_joint_robot(), _hiding(sound)
+    frf = exact_frf(robot, PLACES, FREQUENCY_HZ, relative_noise=1e-3, seed=3)
+    assert assess_fit(robot, hiding, frf, OPTIONS, 0.0).causes == ("hidden",)
+    estimate = hiding.estimate
+    rubs = estimate.kinds.index("viscous")
+    lower, upper = estimate.lower.copy(), estimate.upper.copy()
+    lower[rubs], upper[rubs] = -50.0, -30.0  # friction that drives
+    contradicting = replace(hiding, estimate=replace(estimate, lower=lower, upper=upper))
+    assert assess_fit(robot, contradicting, frf, OPTIONS, 0.0).causes == ("friction", "hidden")
