@@ -9,7 +9,7 @@ from scipy.fft import rfft
 from scipy.interpolate import make_interp_spline
 from scipy.signal.windows import hann
 
-from robid.arrays import FloatArray
+from robid.arrays import FloatArray, IntArray
 from robid.logs.pace import GAP, longest_piece
 
 DEGREE = 7
@@ -75,3 +75,32 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
         if all(interpolation_error(one, UNEVEN_DEGREE, (length,)) < limit for one in moving):
             return length * step_s
     return step_s
+
+
+def fill_gaps(
+    times: FloatArray, values: FloatArray, step: float, gaps: IntArray
+) -> tuple[FloatArray, FloatArray, IntArray]:
+    """Puts samples into those gaps of a variable across which a spline follows it.
+
+    Args:
+        times (n_sample,): When it was sampled.
+        values (n_sample,): Its samples.
+        step: The usual step of these times.
+        gaps (n_gap,): Samples after which others are missing.
+
+    Returns:
+        Times and values (n_filled,) with those between, and the gaps that are left.
+    """
+    longest = longest_bridged(times, [values], step) if len(gaps) else 0.0
+    steps = np.diff(times)
+    filled = gaps[steps[gaps] <= longest]
+    counts = np.maximum(np.round(steps[filled] / step).astype(int) - 1, 0)
+    if not counts.sum():
+        return times, values, gaps
+    shares = np.concatenate([np.arange(1, count + 1) / (count + 1) for count in counts])
+    after = np.repeat(filled, counts)
+    between = times[after] + shares * steps[after]
+    made = make_interp_spline(times, values, k=UNEVEN_DEGREE)(between)
+    left = np.setdiff1d(gaps, filled)
+    moved = np.array([counts[filled < gap].sum() for gap in left], int)
+    return np.insert(times, after + 1, between), np.insert(values, after + 1, made), left + moved

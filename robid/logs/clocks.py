@@ -14,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
-from robid.logs.bridging import interpolation_error
+from robid.logs.bridging import fill_gaps, interpolation_error
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.timing import UNSURE, Clock
@@ -59,6 +59,7 @@ class _Timed:
     stream: Stream
     pace: Pace
     times: FloatArray
+    lost: int = 0  # Samples of it that were lost, and are interpolated
 
 
 def on_one_clock(
@@ -162,7 +163,10 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
     known = np.isfinite(stream.values) & np.isfinite(own)
     since = _apart(own, stamps[np.isfinite(stamps)][0]) * mapping.time.to_seconds
     pace = measure_pace(since[known]) if np.count_nonzero(known) > 1 else None
-    if pace is None or not known.all():
+    made = None if pace is None else _Timed(stream, pace, since[known][0] + pace.first + pace.times)
+    if made is not None and not stream.held:
+        made = _filled(made, stream.values[known])
+    if pace is None or made is None or not (known.all() or (made.lost and not len(made.pace.gaps))):
         told = "do not advance" if known.all() else f"or its values are missing at {np.count_nonzero(~known)} samples"
         remedy = "Sort the log by time, drop repeated samples, and cut it to a part in which nothing is missing."
         if stream.clock.partition("[")[0].endswith(".header.stamp"):
@@ -175,7 +179,18 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
         )
         remedy = "Log finer stamps, or take all channels from what was sampled together."
         return None, [DataError(what, where=where, remedy=remedy)]
-    return _Timed(stream, pace, since[0] + pace.first + pace.times), []
+    return made, []
+
+
+def _filled(one: _Timed, values: NDArray[Any]) -> _Timed:
+    """A variable, of those of its values (n_sample,) that are known, with samples in the gaps that these tell."""
+    times, made, left = fill_gaps(one.times, values.astype(float), one.pace.step, one.pace.gaps)
+    lost = len(times) - len(one.times)
+    if not lost:
+        return one
+    return replace(
+        one, stream=replace(one.stream, values=made), pace=replace(one.pace, gaps=left), times=times, lost=lost
+    )
 
 
 def _brought(
@@ -203,6 +218,9 @@ def _brought(
     for one in timed:
         values, error = _at(one, grid, step, period_s)
         columns[one.stream.column] = columns.get(one.stream.column, 0.0) + one.stream.weight * values
+        if one.lost:
+            told = f"{mapping.file.name}: `{one.stream.name}` lacks {one.lost} samples, which were interpolated."
+            notes[f"{one.stream.name} lacks"] = told
         if one.times is not leading.times and not np.array_equal(one.times, leading.times):
             notes.setdefault(one.stream.clock or one.stream.name, _note(mapping, one, leading, error, step))
     if mapping.time is not None:

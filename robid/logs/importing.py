@@ -11,16 +11,15 @@ import numpy as np
 
 from robid.arrays import FloatArray, IntArray, check_shape, part_of
 from robid.errors import DataError
-from robid.logs.bridging import longest_bridged
 from robid.logs.clocks import Log, on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
 from robid.logs.mapping import Columns, LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
-from robid.logs.parts import chosen_part, whole_piece
+from robid.logs.parts import chosen_part, followed_across, whole_piece, without_missing
 from robid.logs.period import check_found, find_lines, found_note
 from robid.logs.period_checks import OtherPeriodError
 from robid.logs.placing import PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
 from robid.logs.resample import resample_to_period, resample_to_time
-from robid.logs.timing import Clock, check_segment, check_steps, clock_problems, even_stamps, read_clock
+from robid.logs.timing import check_segment, check_steps, clock_problems, even_stamps, read_clock
 from robid.signals.log_channels import LogChannel
 from robid.signals.pose import POSE, displacement, rotation_from_zyx
 from robid.signals.quantities import INJECTED, motor_channels
@@ -216,8 +215,13 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
     part = chosen_part(mapping, columns)
     wraps = check_wraps(mapping, read.streams, part)
     problems += wraps.values()
-    whole = whole_piece(mapping, columns, part, stated)
-    recorded, columns = columns, {name: column[part] for name, column in columns.items()}
+    followed_s = followed_across(mapping, columns, part)
+    whole = whole_piece(mapping, columns, part, stated, followed_s)
+    columns, missing = {name: column[part] for name, column in columns.items()}, 0
+    if mapping.resample == "time":
+        columns, missing = without_missing(mapping, columns, followed_s)
+    if missing:
+        notes.append(f"{mapping.file.name}: {missing} rows in which values are missing were left out and interpolated.")
     faults = {name: check_values(mapping, {name: one}, part.start or 0, whole) for name, one in columns.items()}
     problems += [fault for found in faults.values() for fault in found]
     # What is wrong with a column would be told once more, or overflow, in all that follows.
@@ -227,11 +231,9 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
         stamps = columns[mapping.time.variable]
         if np.all(np.isfinite(stamps)):
             clock, found = read_clock(mapping, stamps)
-            clock = None if clock is None else replace(clock, first=part.start or 0, whole=whole)
+            first = part.start or 0
+            clock = None if clock is None else replace(clock, first=first, whole=whole, followed_s=followed_s)
             problems += found
-    if clock is not None and len(clock.gaps) and not problems:
-        clock = _filling_gaps(mapping, clock, columns)
-        clock = replace(clock, whole=whole_piece(mapping, recorded, part, stated, clock.followed_s))
     if part != slice(None):
         until = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
         used = f"{mapping.from_s:g} s to {until}"
@@ -241,13 +243,6 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
         columns, clock, told = resample_to_time(mapping, columns, clock, period_s)
         notes += told
     return replace(joined, columns=columns, clock=clock), problems, notes
-
-
-def _filling_gaps(mapping: LogMapping, clock: Clock, columns: Columns) -> Clock:
-    """The clock with the longest step across which interpolation follows the channels."""
-    time = "" if mapping.time is None else mapping.time.variable
-    channels = [np.asarray(one, float) for name, one in columns.items() if name != time]
-    return replace(clock, followed_s=longest_bridged(clock.time_s, channels, clock.step_s))
 
 
 def _to_period(mapping: LogMapping, log: Log, stated: Stated) -> tuple[Log, list[str]]:

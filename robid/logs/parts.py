@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from robid.arrays import FloatArray
+from robid.arrays import BoolArray, FloatArray
 from robid.errors import DataError
+from robid.logs.bridging import longest_bridged
 from robid.logs.formats.variables import measurable
 from robid.logs.mapping import Columns, LogMapping, Stated, set_all
-from robid.logs.pace import GAP
+from robid.logs.pace import GAP, longest_piece
 from robid.logs.timing import since_first
 
 _ROUNDING = 1e-3  # time steps by which a limit may miss a sample and still holds it
@@ -37,6 +40,43 @@ def chosen_part(mapping: LogMapping, columns: Columns) -> slice:
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
+def followed_across(mapping: LogMapping, columns: Columns, part: slice) -> float:
+    """Returns the longest step between rows in which nothing is missing that interpolation follows the channels across.
+
+    [s]; 0 where nothing is missing, or no time says where.
+    """
+    time = _seconds(mapping, columns)
+    rows = np.flatnonzero(_are_whole(columns, time)[part]) + (part.start or 0)
+    steps = np.diff(time[rows])
+    if mapping.time is None or len(rows) < _FEWEST or steps.min() <= 0:
+        return 0.0
+    usual = float(np.median(steps))
+    if steps.max() <= GAP * usual:
+        return 0.0
+    channels = [np.asarray(one[rows], float) for name, one in columns.items() if name != mapping.time.variable]
+    return longest_bridged(time[rows], channels, usual)
+
+
+def without_missing(mapping: LogMapping, columns: Columns, followed_s: float) -> tuple[dict[str, NDArray[Any]], int]:
+    """Leaves out rows in which values are missing where interpolation follows the channels across them.
+
+    Returns:
+        The columns, and how many rows were left out.
+    """
+    time = _seconds(mapping, columns)
+    rows = _are_whole(columns, time)
+    missing = len(rows) - int(np.count_nonzero(rows))
+    if not followed_s or not missing or np.diff(time[rows]).max() > followed_s:
+        return dict(columns), 0
+    return {name: one[: len(rows)][rows] for name, one in columns.items()}, missing
+
+
+def _are_whole(columns: Columns, time: FloatArray) -> BoolArray:
+    """Which rows have a value in each column."""
+    told = [measurable(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
+    return np.asarray(np.logical_and.reduce([np.isfinite(time), *told]))
+
+
 def whole_piece(
     mapping: LogMapping, columns: Columns, part: slice, stated: Stated | None = None, followed_s: float = 0.0
 ) -> str:
@@ -51,26 +91,19 @@ def whole_piece(
     first, stop, _ = part.indices(len(time))
     if stop - first < _FEWEST:
         return ""
-    steps = np.diff(time)
-    told = [measurable(column[: len(time)]) for column in columns.values() if column.dtype.kind == "f"]
-    sound = np.logical_and.reduce([np.isfinite(time), *told])
-    gap = GAP * float(np.nanmedian(steps))
-    whole = np.concatenate([sound[1:] & sound[:-1] & ~(steps > max(gap, followed_s)), [False]])
-    whole[:first], whole[max(stop - 1, 0) :] = False, False
-    edges = np.diff(np.concatenate([[0], whole.astype(np.int8), [0]]))
-    starts, stops = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1)
-    if not len(starts):
+    rows = np.flatnonzero(_are_whole(columns, time)[part]) + first
+    gap = GAP * float(np.nanmedian(np.diff(time)))
+    steps = np.diff(time[rows])
+    low, high = longest_piece(np.flatnonzero(steps > max(gap, followed_s)), len(rows))
+    if high - low <= _FEWEST:
         return ""
-    longest = int(np.argmax(stops - starts))
-    begin, end = int(starts[longest]), int(stops[longest])
-    if end - begin < _FEWEST:
-        return ""
-    filled = bool(np.any(steps[begin:end] > gap))
+    begin, end = int(rows[low]), int(rows[high - 1])
+    filled = bool(np.any(steps[low : high - 1] > gap))
     follow = {"resample": "time"} if filled and mapping.resample is None else {}
     if begin <= first and end >= stop - 1:
         return f"{set_all(follow)[:-1]}: interpolation fills the gaps." if follow else ""
-    low, high = limits_of(time, begin, end)
-    ends = {"from_s": f"{low:.12g}", "to_s": f"{high:.12g}", **follow}
+    from_s, to_s = limits_of(time, begin, end)
+    ends = {"from_s": f"{from_s:.12g}", "to_s": f"{to_s:.12g}", **follow}
     # Where references say where periods begin, these say how many there are.
     settings: dict[str, str] | None = ends
     if stated is not None and not mapping.references:

@@ -47,7 +47,8 @@ def resample_to_time(
     if len(clock.gaps):
         at, count = clock.first + clock.gaps[0], len(clock.gaps)
         told = "1 gap" if count == 1 else f"{count} gaps, the first"
-        what = f"D109 {told} after sample {at}: resampling cannot fill {'it' if count == 1 else 'them'}."
+        told = f"{told} after sample {at}, at {clock.time_s[clock.gaps[0]]:.6g} s"
+        what = f"D109 {told}: resampling cannot fill {'it' if count == 1 else 'them'}."
         remedy = clock.whole or "Cut the log to a part without a gap."
         raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
     steps = np.diff(time)

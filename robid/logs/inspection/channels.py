@@ -164,7 +164,7 @@ def _plain_entry(signal: Signal, name: str) -> Entry:
         checks.insert(0, f"taken for {article} {signal.role}: {reason}")
     checks += [signal.doubt] if signal.doubt else []
     if signal.quality.missing:
-        checks.append(f"values missing: {signal.quality.missing}; the import refuses it until they are cut out")
+        checks.append(f"values missing: {signal.quality.missing}; the import says what fills them or cuts them out")
     return Entry(signal, name, settings, tuple(checks))
 
 

@@ -101,6 +101,23 @@ def test_a_column_of_half_the_rate_is_brought_to_the_faster_one(tmp_path):
     assert "Set excitation.high_hz to 248" in caught.value.remedy
 
 
+def test_single_lost_samples_of_a_clock_of_its_own_cost_these_alone(tmp_path):
+    first, other = instants(1e-3), instants(1.31e-3)
+    kept = np.delete(np.arange(len(other)), [300, 1100, 1101, 2400])
+    lines = np.arange(2, 60)
+    torque, motion = (
+        np.cos(2 * np.pi * np.outer(at / 0.5, lines) + 0.3 * lines**2).sum(axis=1) for at in (first, other)
+    )
+    write_rows(tmp_path / "log.csv", [(first, torque), (other[kept], motion[kept])])
+    record = import_waves(mapping_of(tmp_path / "log.csv"), lines=lines)
+    at = first[1] + STEP * np.arange(record.outputs.shape[3] * PERIOD)
+    wanted = np.cos(2 * np.pi * np.outer(at / 0.5, lines) + 0.3 * lines**2).sum(axis=1)
+    found = (record.outputs + record.output_offset).ravel()
+    assert np.std(found - wanted) < 3e-3 * np.std(wanted)
+    assert np.median(np.abs(found - wanted)) < 1e-5 * np.std(wanted)
+    assert any("lacks 4 samples" in note for note in record.notes)
+
+
 def test_a_held_command_of_a_slower_rate_stays_between_its_samples(tmp_path):
     slow = instants(0.0, PERIODS * PERIOD // 5, 5 * STEP)
     command = np.random.default_rng(4).normal(size=len(slow))

@@ -192,7 +192,11 @@ def test_values_that_are_none_are_located(tmp_path, value, told):
     signals["iq"] = signals["iq"].astype(np.float32)  # which may lie beside doubles
     message = refused(tmp_path, signals)
     assert f"variable `q_motor`, sample 1234: D043 2 of 5000 values are {told}" in message
-    assert "from_s to 2.001" in message
+    assert "Set resample to time" in message
+    signals["q_motor"][1234:1260] = value
+    message = refused(tmp_path, signals)
+    assert f"variable `q_motor`, sample 1234: D043 27 of 5000 values are {told}" in message
+    assert "from_s to 1.26" in message
 
 
 @pytest.mark.parametrize("name", ["iq", "q_motor"])

@@ -182,3 +182,23 @@ def test_the_remedy_of_lost_samples_fills_them_where_it_can(tmp_path):
     assert "Set resample to time:" not in caught.value.remedy
     with pytest.raises(DataError, match="D109"):
         import_losing(tmp_path, 0.03, 0.5, resample="time")
+
+
+def test_few_values_that_are_missing_are_filled_as_lost_rows_are(tmp_path):
+    torque, motion = waves(STEP * np.arange(PERIODS * PERIOD))
+    columns = {"t": STEP * np.arange(PERIODS * PERIOD), "u": torque.copy(), "q": motion.copy()}
+    columns["u"][[40, 1200]], columns["q"][[700, 701]] = np.nan, np.inf
+    savemat(tmp_path / "log.mat", {name: values[:, None] for name, values in columns.items()})
+    told = {"samples_per_period": PERIOD, "periods": PERIODS, "excited_lines": LINES}
+    with pytest.raises(DataError, match="D043") as caught:
+        import_log(mapping_of(tmp_path / "log.mat"), configurations=np.zeros((1, 1)), **told)
+    assert "Set resample to time" in str(caught.value)
+    mapping = mapping_of(tmp_path / "log.mat", resample="time")
+    record = import_log(mapping, configurations=np.zeros((1, 1)), **told)
+    assert any(note.startswith("log.mat: 4 rows") for note in record.notes)
+    assert wrong_by(record) < 2e-3
+    columns["q"][900:940] = np.nan
+    savemat(tmp_path / "log.mat", {name: values[:, None] for name, values in columns.items()})
+    with pytest.raises(DataError, match="D043") as caught:
+        import_log(mapping, configurations=np.zeros((1, 1)), **told)
+    assert "from_s to 0.94" in str(caught.value)
