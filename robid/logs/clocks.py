@@ -14,6 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.errors import DataError
+from robid.logs.arrival import bunched, find_arrivals
 from robid.logs.bridging import fill_gaps, interpolation_error
 from robid.logs.mapping import LogMapping, Stream
 from robid.logs.pace import GAP, Pace, measure_pace
@@ -77,13 +78,16 @@ def on_one_clock(
         The columns, and what is wrong with any of them.
     """
     placed = [own_rows(one, stamps) for one in streams]
+    told: list[str] = []
+    if stamps is not None and mapping.time is not None:
+        placed, stamps, told = _taken_evenly(mapping, placed, stamps, mapping.time.to_seconds)
     if stamps is None or mapping.time is None:
         interleaved = _interleaved(mapping, placed)
         columns, problems = _summed(mapping, [one for one in placed if one.column not in interleaved])
         return Log(columns), [*interleaved.values(), *problems]
     if all(one.stamps is None or np.array_equal(one.stamps, stamps) for one in placed):
         columns, problems = _summed(mapping, placed)
-        return Log({**columns, mapping.time.variable: stamps}), problems
+        return Log({**columns, mapping.time.variable: stamps}, told), problems
     problems = []
     timed: list[_Timed] = []
     for one in placed:
@@ -92,7 +96,42 @@ def on_one_clock(
         timed += [] if clock is None else [clock]
     if problems or not timed:
         return Log({}), problems
-    return _brought(mapping, timed, stamps, period_s)
+    joined, problems = _brought(mapping, timed, stamps, period_s)
+    return replace(joined, notes=[*told, *joined.notes]), problems
+
+
+def _taken_evenly(
+    mapping: LogMapping, streams: Sequence[Stream], stamps: NDArray[Any], to_seconds: float
+) -> tuple[list[Stream], NDArray[Any], list[str]]:
+    """Puts even times in the place of stamps that say when samples arrived, and what to say about it.
+
+    Variables that share their stamps are judged together, so that none is moved against another.
+    """
+    groups: list[tuple[NDArray[Any], list[int]]] = []
+    for index, one in enumerate(streams):
+        own = stamps if one.stamps is None else one.stamps
+        shared = next((members for other, members in groups if other is own or np.array_equal(other, own)), None)
+        if len(own) == len(one.values) and shared is not None:
+            shared.append(index)
+        elif len(own) == len(one.values):
+            groups.append((own, [index]))
+    placed, told = list(streams), []
+    for own, members in groups:
+        found = find_arrivals(_apart(own, own[0]), [streams[index].values for index in members])
+        if found is None:
+            continue
+        whole = own.dtype.kind in "iu"
+        even = own[0] + np.round(found.times).astype(np.int64) if whole else own[0].astype(float) + found.times
+        if np.array_equal(own, stamps):
+            stamps = even
+        for index in members:
+            placed[index] = replace(streams[index], stamps=even if streams[index].stamps is not None else None)
+        told.append(
+            f"{mapping.file.name}: time stamps of `{streams[members[0]].name}` say when samples arrived, up to"
+            f" {found.late * to_seconds:.2g} s late: at even steps `{streams[members[found.signal]].name}` is"
+            f" {found.smoother:.2g} times smoother, and they are taken for these."
+        )
+    return placed, stamps, told
 
 
 def own_rows(stream: Stream, stamps: NDArray[Any] | None) -> Stream:
@@ -179,6 +218,10 @@ def _timed(mapping: LogMapping, stream: Stream, stamps: NDArray[Any]) -> tuple[_
         )
         remedy = "Log finer stamps, or take all channels from what was sampled together."
         return None, [DataError(what, where=where, remedy=remedy)]
+    told = bunched(made.times, pace.step)
+    if told and not stream.held:
+        remedy = "Log the time at which samples are taken, or take all channels from what was logged together."
+        return None, [DataError(told, where=where, remedy=remedy)]
     return made, []
 
 

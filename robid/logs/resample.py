@@ -11,6 +11,7 @@ from scipy.interpolate import make_interp_spline
 
 from robid.arrays import FloatArray
 from robid.errors import DataError
+from robid.logs.arrival import bunched
 from robid.logs.bridging import DEGREE, UNEVEN_DEGREE, interpolation_error
 from robid.logs.losses import Part, part_losses
 from robid.logs.mapping import Columns, LogMapping, Stated
@@ -39,18 +40,8 @@ def resample_to_time(
     stated = mapping.sampling_period_s
     if not clock.is_bridged:
         raise _too_far(clock, period_s)
-    if len(clock.time_s) <= DEGREE:
-        what = f"D108 It has {len(clock.time_s)} samples, and resampling needs {DEGREE + 1} at least."
-        raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
     time = _unrounded(clock)
-    clock, bridged = _without_followed(clock)
-    if len(clock.gaps):
-        at, count = clock.first + clock.gaps[0], len(clock.gaps)
-        told = "1 gap" if count == 1 else f"{count} gaps, the first"
-        told = f"{told} after sample {at}, at {clock.time_s[clock.gaps[0]]:.6g} s"
-        what = f"D109 {told}: resampling cannot fill {'it' if count == 1 else 'them'}."
-        remedy = clock.whole or "Cut the log to a part without a gap."
-        raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
+    clock, bridged = _interpolable(clock, time)
     steps = np.diff(time)
     degree = DEGREE if not bridged and steps.max() < _UNEVEN * steps.min() else UNEVEN_DEGREE
     wanted = time[0] + stated * np.arange(int((time[-1] - time[0]) / stated * (1 + 1e-12)) + 1)
@@ -60,15 +51,35 @@ def resample_to_time(
     return made, resampled, [_error_note(mapping, told, error)]
 
 
-def _without_followed(clock: Clock) -> tuple[Clock, str]:
-    """The clock without the gaps across which its channels are followed, and what to say about these."""
+def _interpolable(clock: Clock, time: FloatArray) -> tuple[Clock, str]:
+    """The clock without the gaps across which its channels are followed, and what to say about these.
+
+    Raises:
+        DataError: If it has further gaps, bursts or hardly any samples.
+    """
+    if len(time) <= DEGREE:
+        what = f"D108 It has {len(time)} samples, and resampling needs {DEGREE + 1} at least."
+        raise DataError(what, where=clock.where, remedy="Check that it was copied completely, or record longer.")
+    told = bunched(time, clock.step_s, clock.first)
+    if told:
+        mean = f"{np.ptp(time) / (len(time) - 1):.6g}"
+        remedy = f"Leave out `time` and `resample` if no sample was lost, and set sampling_period_s to {mean}"
+        raise DataError(told, where=clock.where, remedy=f"{remedy}; else log the time at which samples are taken.")
     steps = np.diff(clock.time_s)
     left = clock.gaps[steps[clock.gaps] > clock.followed_s]
-    short = steps[np.setdiff1d(clock.gaps, left)]
-    if not len(short):
+    if len(left):
+        at, count = clock.first + left[0], "1 gap" if len(left) == 1 else f"{len(left)} gaps, the first"
+        what = (
+            f"D109 {count} after sample {at}, at {clock.time_s[left[0]]:.6g} s: resampling cannot fill"
+            f" {'it' if len(left) == 1 else 'them'}."
+        )
+        remedy = clock.whole or "Cut the log to a part without a gap."
+        raise DataError(what, where=f"{clock.where}, sample {at}", remedy=remedy)
+    if not len(clock.gaps):
         return clock, ""
-    count = "1 gap" if len(short) == 1 else f"{len(short)} gaps"
-    return replace(clock, gaps=left), f", across {count} of up to {short.max():.4g} s"
+    count = "1 gap" if len(clock.gaps) == 1 else f"{len(clock.gaps)} gaps"
+    longest = f"{steps[clock.gaps].max():.4g} s"
+    return replace(clock, gaps=np.zeros(0, int)), f", across {count} of up to {longest}"
 
 
 def resample_to_period(

@@ -27,7 +27,7 @@ from robid.logs.inspection.excitation import (
     shorten,
     unsettled,
 )
-from robid.logs.inspection.instants import newest_last, on_common_instants, time_going_on
+from robid.logs.inspection.instants import newest_last, on_common_instants, taken_evenly, time_going_on
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
@@ -114,6 +114,10 @@ def inspect_log(
     contents = on_common_instants(contents)
     group = _main_group(contents.columns)
     sampling = find_sampling(group, contents.scalars, sampling_period_s)
+    if sampling.variable and sampling.jitter > JITTER:
+        contents = taken_evenly(contents, group, sampling.variable, sampling.unit)
+        group = _main_group(contents.columns)
+        sampling = find_sampling(group, contents.scalars, sampling_period_s)
     found = _findings(contents, group, sampling, numbered, tell)
     step_s = _whole_step(found)
     if step_s is not None:  # nothing else decides the steps that an uneven clock is brought to

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from robid.arrays import FloatArray
+from robid.logs.arrival import find_arrivals
 from robid.logs.clocks import interpolated, on_one_clock, own_rows
 from robid.logs.inspection.contents import Column, Contents
 from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, unit_of_name
@@ -53,6 +54,25 @@ def time_going_on(contents: Contents) -> Contents:
         else:
             columns.append(one)
     return replace(contents, columns=tuple(columns), notes=tuple(notes))
+
+
+def taken_evenly(contents: Contents, group: Sequence[Column], time: str, unit: str) -> Contents:
+    """Returns a log with even times where the stamps of its signals say when these arrived.
+
+    `group` are the signals of one length, `time` is the name of their time, in some unit.
+    """
+    clock = next(one for one in group if one.name == time)
+    hints = read_names(group)
+    moving = [one for one, hint in zip(group, hints, strict=True) if hint.role in (*DRIVING, *MOVING)]
+    found = find_arrivals(clock.values - clock.values[0], [one.values for one in moving if one is not clock])
+    if found is None:
+        return contents
+    told = (
+        f"`{time}` says when samples arrived, up to {found.late * TIME_UNITS[unit]:.2g} s late: they are taken for even"
+    )
+    even = replace(clock, values=clock.values[0] + found.times)
+    columns = tuple(even if one is clock else one for one in contents.columns)
+    return replace(contents, columns=columns, notes=(*contents.notes, told))
 
 
 def on_common_instants(contents: Contents) -> Contents:
