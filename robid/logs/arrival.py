@@ -28,11 +28,11 @@ class Arrivals:
 
     times: FloatArray  # (n_sample,) When they were taken, at the delay of the earliest arrivals
     late: float  # How much later a stamp is at most
-    smoother: float  # Times that the clearest signal is smoother at even steps
+    smoother: float  # Times that the clearest signal is smoother at even steps; NaN where none tells
     signal: int  # Which one that is
 
 
-def find_arrivals(times: FloatArray, signals: Sequence[FloatArray]) -> Arrivals | None:
+def find_arrivals(times: FloatArray, signals: Sequence[FloatArray], *, suspected: bool = False) -> Arrivals | None:
     """Tells whether stamps that are uneven are those of arrival.
 
     Each sample is predicted by a cubic through its four neighbours, once by their stamps and once at even steps. What
@@ -41,6 +41,8 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray]) -> Arrivals 
     Args:
         times (n_sample,): The stamps.
         signals (n_sample,): Signals that have them; values that are missing are passed over.
+        suspected: Whether other stamps of the log are those of arrival: signals then need not tell it, only not
+            contradict it.
 
     Returns:
         The times of even steps; None where stamps are even or rounded, where samples were lost too, or where signals
@@ -62,11 +64,13 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray]) -> Arrivals 
         return None
     found = np.array([_smoother(times, np.asarray(one, float), telling) for one in signals])
     known = np.flatnonzero(np.isfinite(found))
-    if not len(known) or found[known].max() < _SMOOTHER or found[known].min() < 1 / _SMOOTHER:
+    clearest = int(np.nanargmax(found)) if len(known) else 0
+    told = len(known) and found[clearest] >= _SMOOTHER
+    if (len(known) and found[known].min() < 1 / _SMOOTHER) or not (told or suspected):
         return None
     first = float(np.median(earliest))
-    clearest = int(known[np.argmax(found[known])])
-    return Arrivals(start + first + slope * index, float(late.max()) - first, float(found[clearest]), clearest)
+    smoother = float(found[clearest]) if told else np.nan
+    return Arrivals(start + first + slope * index, float(late.max()) - first, smoother, clearest)
 
 
 def bunched(times: FloatArray, step: float, first: int = 0) -> str:

@@ -100,13 +100,8 @@ def on_one_clock(
     return replace(joined, notes=[*told, *joined.notes]), problems
 
 
-def _taken_evenly(
-    mapping: LogMapping, streams: Sequence[Stream], stamps: NDArray[Any], to_seconds: float
-) -> tuple[list[Stream], NDArray[Any], list[str]]:
-    """Puts even times in the place of stamps that say when samples arrived, and what to say about it.
-
-    Variables that share their stamps are judged together, so that none is moved against another.
-    """
+def _sharing_stamps(streams: Sequence[Stream], stamps: NDArray[Any]) -> list[tuple[NDArray[Any], list[int]]]:
+    """The different stamps of variables, and which of these have them."""
     groups: list[tuple[NDArray[Any], list[int]]] = []
     for index, one in enumerate(streams):
         own = stamps if one.stamps is None else one.stamps
@@ -115,9 +110,23 @@ def _taken_evenly(
             shared.append(index)
         elif len(own) == len(one.values):
             groups.append((own, [index]))
+    return groups
+
+
+def _taken_evenly(
+    mapping: LogMapping, streams: Sequence[Stream], stamps: NDArray[Any], to_seconds: float
+) -> tuple[list[Stream], NDArray[Any], list[str]]:
+    """Puts even times in the place of stamps that say when samples arrived, and what to say about it.
+
+    Variables that share their stamps are judged together, so that none is moved against another.
+    """
+    groups = _sharing_stamps(streams, stamps)
     placed, told = list(streams), []
-    for own, members in groups:
-        found = find_arrivals(_apart(own, own[0]), [streams[index].values for index in members])
+    judged = [(_apart(own, own[0]), [streams[index].values for index in members]) for own, members in groups]
+    arrivals = [find_arrivals(*one) for one in judged]
+    if any(arrivals):  # what stamped some samples when they arrived did so with all
+        arrivals = [found or find_arrivals(*one, suspected=True) for found, one in zip(arrivals, judged, strict=True)]
+    for (own, members), found in zip(groups, arrivals, strict=True):
         if found is None:
             continue
         whole = own.dtype.kind in "iu"
@@ -126,10 +135,11 @@ def _taken_evenly(
             stamps = even
         for index in members:
             placed[index] = replace(streams[index], stamps=even if streams[index].stamps is not None else None)
+        smoother = f"as `{streams[members[found.signal]].name}` is {found.smoother:.2g} times smoother at even steps"
+        why = smoother if np.isfinite(found.smoother) else "as those of others do"
         told.append(
             f"{mapping.file.name}: time stamps of `{streams[members[0]].name}` say when samples arrived, up to"
-            f" {found.late * to_seconds:.2g} s late: at even steps `{streams[members[found.signal]].name}` is"
-            f" {found.smoother:.2g} times smoother, and they are taken for these."
+            f" {found.late * to_seconds:.2g} s late, {why}; its samples are placed evenly."
         )
     return placed, stamps, told
 

@@ -97,6 +97,8 @@ GAP = tuple(range(1210, 1240))
 MANY = (*range(400, 410), *range(800, 820), *GAP, *range(1650, 1660), *range(2000, 2040), *range(2400, 2411))
 LOGS = {
     "a gap": [{"drop": GAP}],
+    "single rows": [{"drop": (300, 801, 1500, 2404)}],
+    "single rows and a gap": [{"drop": (300, 801, *GAP, 1500, 2404)}],
     "gaps in every period": [{"drop": MANY}],
     "a gap and another clock": [{"rate": 1.01, "drop": GAP}],
     "a gap and instants that jitter": [{"drop": GAP, "jitter": 0.15}],

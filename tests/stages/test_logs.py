@@ -257,8 +257,10 @@ def test_a_value_that_is_no_number_is_located(logged, column, lost):
     lines[702] = ";".join([*values[:at], lost, *values[at + 1 :]])
     path.write_text("\n".join(lines))
     place = f"c2_r02_e1.csv: variable `{column}`, sample 700: D043 1 of "
-    text = refuse(logged, place, "remedy: Set from_s to 0 and to_s to 0.6", command="run")
+    text = refuse(logged, place, "remedy: Set resample to time", command="run")
     assert text.count("robid: ") == 1
+    logged.change("time: {variable", "resample: time\n        time: {variable")
+    assert logged.robid("simulate-or-acquire", "small.yaml", "--campaign", "estimation", "--force").code == 0
 
 
 def test_lost_samples_are_located(logged):

@@ -101,6 +101,29 @@ def test_a_log_with_stamps_of_arrival_keeps_its_samples(tmp_path, kind, resample
     assert any("say when samples arrived" in note for note in record.notes)
 
 
+def test_what_arrived_by_two_ways_keeps_its_lag_though_one_of_them_is_noise(tmp_path):
+    lag = 0.4e-3
+    rows = [(at, f"{value:.12g},") for at, value in zip(arrivals("bursts", 4) + lag, torque(EVEN + lag), strict=True)]
+    rows += [(at, f",{value:.12g}") for at, value in zip(arrivals("bursts"), angle(EVEN), strict=True)]
+    lines = ["t [s],tau [Nm],q [rad]", *(f"{at:.12g},{rest}" for at, rest in sorted(rows))]
+    (tmp_path / "log.csv").write_text("\n".join(lines))
+    mapping = LogMapping(
+        file=tmp_path / "log.csv",
+        sampling_period_s=STEP,
+        time=TimeChannel("t [s]", "s"),
+        inputs=(InputChannel("motor", "tau [Nm]", "N m"),),
+        outputs=(OutputChannel("motor", "q [rad]"),),
+        one_shot=True,
+        resample="time",
+    )
+    record = import_shot(mapping)
+    found, angles = record.inputs.ravel(), record.outputs.ravel() + record.output_offset.ravel()
+    # The first torque is a lag later than the first angle: which of its samples that is tells the noise.
+    begin = int(np.argmin([np.std(found[:500] - torque(EVEN + lag)[k : k + 500]) for k in range(60)]))
+    count = min(len(angles), COUNT - 60)
+    np.testing.assert_allclose(angles[:count], angle(EVEN[:count] + lag + begin * STEP), atol=3e-3)
+
+
 def test_bursts_that_nothing_explains_are_refused_and_leaving_out_time_helps(tmp_path):
     kept = np.delete(np.arange(COUNT), 2000)  # with a loss they are no longer told from others
     table = np.stack([arrivals("bursts")[kept], torque(EVEN)[kept], angle(EVEN)[kept]], axis=1)
