@@ -45,32 +45,44 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray], *, suspected
             contradict it.
 
     Returns:
-        The times of even steps; None where stamps are even or rounded, where samples were lost too, or where signals
-        are smoother by the stamps, contradict each other or do not tell.
+        The times of even steps, with gaps where steps say so; None where stamps are even or rounded, where lost samples
+        cannot be told from late ones, or where signals are smoother by the stamps, contradict each other or do not
+        tell.
     """
     steps = np.diff(times)
     if len(times) < _FEWEST or not np.all(np.isfinite(times)) or steps.min() < 0 or steps.max() == 0:
         return None
-    index = np.arange(float(len(times)))
-    start, slope = (float(one) for one in np.polyfit(index, times, 1)[::-1])
-    uneven = np.abs(steps / slope - 1) > JITTER
-    telling = np.convolve(uneven, np.ones(4), mode="valid") > 0  # of samples that have two neighbours on each side
     pace = measure_pace(times)
-    if np.count_nonzero(telling) < _FEWEST or (pace is not None and pace.rounding):
+    if pace is not None and pace.rounding:
         return None
-    late = times - start - slope * index
-    earliest = np.array([block.min() for block in np.array_split(late, min(_BLOCKS, len(late) // _LEAST))])
-    if np.ptp(earliest) > _LEVEL * slope:
+    index = np.arange(float(len(times)))
+    line = _earliest(times, index)
+    if line is None and pace is not None and len(pace.gaps):  # samples were lost where its steps say so
+        index[1:] += np.cumsum(np.bincount(pace.gaps, np.round(steps[pace.gaps] / pace.step - 1), len(steps)))
+        line = _earliest(times, index)
+    if line is None:
         return None
-    found = np.array([_smoother(times, np.asarray(one, float), telling) for one in signals])
+    even = line[0] + line[1] * index
+    uneven = np.abs(np.diff(times - even)) > JITTER * line[1]
+    telling = np.convolve(uneven, np.ones(4), mode="valid") > 0  # of samples that have two neighbours on each side
+    if np.count_nonzero(telling) < _FEWEST:
+        return None
+    found = np.array([_smoother(times, even, np.asarray(one, float), telling) for one in signals])
     known = np.flatnonzero(np.isfinite(found))
     clearest = int(np.nanargmax(found)) if len(known) else 0
     told = len(known) and found[clearest] >= _SMOOTHER
     if (len(known) and found[known].min() < 1 / _SMOOTHER) or not (told or suspected):
         return None
-    first = float(np.median(earliest))
     smoother = float(found[clearest]) if told else np.nan
-    return Arrivals(start + first + slope * index, float(late.max()) - first, smoother, clearest)
+    return Arrivals(even, float((times - even).max()), smoother, clearest)
+
+
+def _earliest(times: FloatArray, index: FloatArray) -> tuple[float, float] | None:
+    """Start and slope of the line of the earliest arrivals of numbered samples (n_sample,); None where these wander."""
+    slope, start = (float(one) for one in np.polyfit(index, times, 1))
+    late = times - start - slope * index
+    earliest = np.array([block.min() for block in np.array_split(late, min(_BLOCKS, len(late) // _LEAST))])
+    return None if np.ptp(earliest) > _LEVEL * slope else (start + float(np.median(earliest)), slope)
 
 
 def bunched(times: FloatArray, step: float, first: int = 0) -> str:
@@ -88,14 +100,14 @@ def bunched(times: FloatArray, step: float, first: int = 0) -> str:
     )
 
 
-def _smoother(times: FloatArray, values: FloatArray, telling: BoolArray) -> float:
+def _smoother(times: FloatArray, even: FloatArray, values: FloatArray, telling: BoolArray) -> float:
     """Times that a signal is smoother at even steps than by its stamps; NaN where it does not move or tell."""
-    by_stamps, evenly = (_unpredicted(at, values)[telling] for at in (times, np.arange(float(len(times)))))
+    by_stamps, evenly = (_unpredicted(at, values)[telling] for at in (times, even))
     both = np.isfinite(by_stamps) & np.isfinite(evenly)
     if np.count_nonzero(both) < _FEWEST:
         return np.nan
-    stamped, even = (float(np.sort(one[both])[: int(_KEPT * both.sum())].mean()) for one in (by_stamps, evenly))
-    return stamped / even if even > 0 and stamped > 0 else np.nan
+    stamped, spread = (float(np.sort(one[both])[: int(_KEPT * both.sum())].mean()) for one in (by_stamps, evenly))
+    return stamped / spread if spread > 0 and stamped > 0 else np.nan
 
 
 def _unpredicted(times: FloatArray, values: FloatArray) -> FloatArray:
