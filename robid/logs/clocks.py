@@ -17,6 +17,7 @@ from robid.errors import DataError
 from robid.logs.arrival import bunched, find_arrivals
 from robid.logs.bridging import fill_gaps, interpolation_error
 from robid.logs.mapping import LogMapping, Stream
+from robid.logs.order import rows_in_order
 from robid.logs.pace import GAP, Pace, measure_pace
 from robid.logs.timing import UNSURE, Clock
 
@@ -80,7 +81,9 @@ def on_one_clock(
     placed = [own_rows(one, stamps) for one in streams]
     told: list[str] = []
     if stamps is not None and mapping.time is not None:
-        placed, stamps, told = _taken_evenly(mapping, placed, stamps, mapping.time.to_seconds)
+        placed, stamps, ordered = _in_order(mapping, placed, stamps)
+        placed, stamps, evened = _taken_evenly(mapping, placed, stamps, mapping.time.to_seconds)
+        told = [*ordered, *evened]
     if stamps is None or mapping.time is None:
         interleaved = _interleaved(mapping, placed)
         columns, problems = _summed(mapping, [one for one in placed if one.column not in interleaved])
@@ -111,6 +114,27 @@ def _sharing_stamps(streams: Sequence[Stream], stamps: NDArray[Any]) -> list[tup
         elif len(own) == len(one.values):
             groups.append((own, [index]))
     return groups
+
+
+def _in_order(
+    mapping: LogMapping, streams: Sequence[Stream], stamps: NDArray[Any]
+) -> tuple[list[Stream], NDArray[Any], list[str]]:
+    """Puts rows in the order of their time and leaves out repeated ones, where these are single ones."""
+    placed, told = list(streams), []
+    for own, members in _sharing_stamps(streams, stamps):
+        rows = rows_in_order(own, [streams[index].values for index in members])
+        if rows is None:
+            continue
+        for index in members:
+            times = None if streams[index].stamps is None else own[rows]
+            placed[index] = replace(streams[index], values=streams[index].values[rows], stamps=times)
+        if np.array_equal(own, stamps):
+            stamps = own[rows]
+        told.append(
+            f"{mapping.file.name}: of `{streams[members[0]].name}` {len(own) - len(rows)} samples are repeated and"
+            f" {np.count_nonzero(np.diff(rows) < 0)} stand too late: each was put in its place once."
+        )
+    return placed, stamps, told
 
 
 def _taken_evenly(

@@ -27,7 +27,7 @@ from robid.logs.inspection.excitation import (
     shorten,
     unsettled,
 )
-from robid.logs.inspection.instants import newest_last, on_common_instants, taken_evenly, time_going_on
+from robid.logs.inspection.instants import in_order, newest_last, on_common_instants, taken_evenly, time_going_on
 from robid.logs.inspection.names import DRIVING, MOVING, read_names
 from robid.logs.inspection.quality import judge
 from robid.logs.inspection.roles import Comparison, Signal, find_roles
@@ -106,7 +106,7 @@ def inspect_log(
     """
     tell("reading")
     contents = join_contents([read_contents(file, format_, dialect) for file in files])
-    contents = time_going_on(newest_last(contents))
+    contents = in_order(time_going_on(newest_last(contents)))
     numbered, single = part_numbered(contents.columns)
     if numbered is not None:
         told = f"{numbered.told}: the first one is looked at."

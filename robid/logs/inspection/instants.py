@@ -15,6 +15,7 @@ from robid.logs.inspection.names import DRIVING, MOVING, read_name, read_names, 
 from robid.logs.inspection.sampling import LEAST, LIKELY, is_ramp, rate_of_time
 from robid.logs.inspection.vocabulary import tokens
 from robid.logs.mapping import LogMapping, Stream
+from robid.logs.order import rows_in_order
 from robid.logs.repeats import rows_of_value
 from robid.logs.streams import is_table, time_before, times_of_groups
 from robid.logs.timing import going_on
@@ -73,6 +74,27 @@ def taken_evenly(contents: Contents, group: Sequence[Column], time: str, unit: s
     even = replace(clock, values=clock.values[0] + found.times)
     columns = tuple(even if one is clock else one for one in contents.columns)
     return replace(contents, columns=columns, notes=(*contents.notes, told))
+
+
+def in_order(contents: Contents) -> Contents:
+    """Returns a log whose single rows that stand out of the order of its time, or twice, are in their place once."""
+    groups: dict[tuple[str | None, str, int], list[Column]] = {}
+    for one in contents.columns:
+        groups.setdefault((None if one.file is None else str(one.file), one.group, len(one.values)), []).append(one)
+    placed: dict[int, Column] = {}
+    notes = [*contents.notes]
+    for members in groups.values():
+        times = [one for one in members if len(one.values) >= LEAST and rate_of_time(one, None) >= LIKELY]
+        if not times:
+            continue
+        rows = rows_in_order(times[0].values, [one.values for one in members])
+        if rows is None:
+            continue
+        placed |= {id(one): replace(one, values=one.values[rows]) for one in members}
+        repeated, late = len(times[0].values) - len(rows), np.count_nonzero(np.diff(rows) < 0)
+        notes.append(f"{repeated} of its rows are repeated and {late} stand too late: each is put in its place once")
+    columns = tuple(placed.get(id(one), one) for one in contents.columns)
+    return replace(contents, columns=columns, notes=tuple(notes))
 
 
 def on_common_instants(contents: Contents) -> Contents:

@@ -28,6 +28,7 @@ _PLACEHOLDERS = {
     "inputs": "{name: drive, variable: NAME, unit: N m}",
     "outputs": "{name: drive, variable: NAME, unit: rad}",
 }
+_BACKWARD = "sort the log and drop repeated rows; leave `time` out only where its stamps are rounded"
 _CYCLE = (
     "the controller's cycle or the recorder's settings do: then `robid inspect` with `--sampling-period SECONDS` writes"
     " this and all times that follow from it"
@@ -173,7 +174,7 @@ def _sampling(found: Findings) -> list[str]:
             places = f"samples are missing at {count}, first after {sampling.first_gap}"
             told += [f"{places}: the longest part without is used"]
         if sampling.backward:
-            told += [f"it stands still or goes back {sampling.backward} times: sort the log, or leave `time` out"]
+            told += [f"it stands still or goes back {sampling.backward} times: {_BACKWARD}"]
         for name, later_s in zip(sampling.others, sampling.later_s, strict=True):
             if later_s:
                 way = "later" if later_s > 0 else "earlier"
