@@ -49,21 +49,11 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray], *, suspected
         cannot be told from late ones, or where signals are smoother by the stamps, contradict each other or do not
         tell.
     """
-    steps = np.diff(times)
-    if len(times) < _FEWEST or not np.all(np.isfinite(times)) or steps.min() < 0 or steps.max() == 0:
-        return None
-    pace = measure_pace(times)
-    if pace is not None and pace.rounding:
-        return None
-    index = np.arange(float(len(times)))
-    line = _earliest(times, index)
-    if line is None and pace is not None and len(pace.gaps):  # samples were lost where its steps say so
-        index[1:] += np.cumsum(np.bincount(pace.gaps, np.round(steps[pace.gaps] / pace.step - 1), len(steps)))
-        line = _earliest(times, index)
+    line = _even_times(times) if len(times) >= _FEWEST and np.all(np.isfinite(times)) else None
     if line is None:
         return None
-    even = line[0] + line[1] * index
-    uneven = np.abs(np.diff(times - even)) > JITTER * line[1]
+    even, step = line
+    uneven = np.abs(np.diff(times - even)) > JITTER * step
     telling = np.convolve(uneven, np.ones(4), mode="valid") > 0  # of samples that have two neighbours on each side
     if np.count_nonzero(telling) < _FEWEST:
         return None
@@ -75,6 +65,22 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray], *, suspected
         return None
     smoother = float(found[clearest]) if told else np.nan
     return Arrivals(even, float((times - even).max()), smoother, clearest)
+
+
+def _even_times(times: FloatArray) -> tuple[FloatArray, float] | None:
+    """Even times of samples (n_sample,) at the delay of the earliest arrivals, and their step; None where none fit."""
+    steps = np.diff(times)
+    if steps.min() < 0 or steps.max() == 0:
+        return None
+    pace = measure_pace(times)
+    if pace is not None and pace.rounding:
+        return None
+    index = np.arange(float(len(times)))
+    line = _earliest(times, index)
+    if line is None and pace is not None and len(pace.gaps):  # samples were lost where its steps say so
+        index[1:] += np.cumsum(np.bincount(pace.gaps, np.round(steps[pace.gaps] / pace.step - 1), len(steps)))
+        line = _earliest(times, index)
+    return None if line is None else (line[0] + line[1] * index, line[1])
 
 
 def _earliest(times: FloatArray, index: FloatArray) -> tuple[float, float] | None:
