@@ -70,7 +70,8 @@ def find_arrivals(times: FloatArray, signals: Sequence[FloatArray], *, suspected
 def _even_times(times: FloatArray) -> tuple[FloatArray, float] | None:
     """Even times of samples (n_sample,) at the delay of the earliest arrivals, and their step; None where none fit."""
     steps = np.diff(times)
-    if steps.min() < 0 or steps.max() == 0:
+    usual = float(np.median(steps))
+    if steps.min() < 0 or usual == 0 or 4 * np.count_nonzero(np.abs(steps / usual - 1) > JITTER) < _FEWEST:
         return None
     pace = measure_pace(times)
     if pace is not None and pace.rounding:

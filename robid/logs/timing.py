@@ -103,7 +103,8 @@ def read_clock(mapping: LogMapping, stamps: FloatArray) -> tuple[Clock | None, l
         what = f"D122 Time does not advance after sample {backward[0]} ({len(backward)} such steps)."
         remedy = "Sort the log by time and drop repeated samples."
         if np.min(np.diff(time)) < -_MANY * float(np.median(np.abs(np.diff(time)))):
-            remedy = "If it contains several recordings, make each a log of its own; else sort it by time."
+            remedy = "If it contains several recordings, make each a log of its own; if its clock was set back, leave"
+            remedy += " out `time`; sort it only if its rows stand out of order."
         if not np.any(np.diff(time) < 0):  # stamps that go back are not only rounded
             remedy = "Where stamps are only rounded, leave out `time`; else drop repeated samples."
         return None, [DataError(what, where=f"{where}, sample {backward[0]}", remedy=remedy)]
