@@ -24,6 +24,7 @@ _FOLLOWED = 0.03  # error of a channel up to which a spline follows it across a 
 # Longer steps, in usual ones, that need not be followed so far where they are few: noise that one or two samples would
 # have had is no motion
 _SHORT = 3.5
+_LOOKED = 2**18  # samples by which the channels are judged
 _SPOILT = 0.03  # error of a channel over all samples, with those put into such steps, up to which these are few
 
 
@@ -61,7 +62,8 @@ def longest_bridged(time_s: FloatArray, channels: Sequence[FloatArray], step_s: 
     """
     steps = np.diff(time_s) / step_s
     # What nothing bridges says nothing of the channels.
-    part = slice(*longest_piece(np.flatnonzero(steps > _BRIDGES[0]), len(time_s)))
+    start, stop = longest_piece(np.flatnonzero(steps > _BRIDGES[0]), len(time_s))
+    part = slice(start, min(stop, start + _LOOKED))
     if part.stop - part.start <= UNEVEN_DEGREE:
         return step_s
     even = np.arange(time_s[part][0], time_s[part][-1], step_s)
