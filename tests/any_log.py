@@ -72,6 +72,7 @@ class Plan:
         matrix: Whether all channels are `columns` or `rows` of a matrix, or nothing.
         wraps: Whether the outputs, angles, begin anew after a turn.
         gaps: Whether samples are missing outside of what is used, and whole periods inside.
+        disorder: Whether single rows stand too late, or twice.
         estimator: What estimates the response.
         seed: Of units, signs, scales, offsets, order and extra columns.
     """
@@ -98,6 +99,7 @@ class Plan:
     matrix: str = ""
     wraps: bool = False
     gaps: bool = False
+    disorder: bool = False
     estimator: str = "logarithmic"
     seed: int = 1
 
@@ -245,6 +247,8 @@ def lay_out(plan: Plan, played: Played) -> Logs:
         if plan.time and plan.kind not in MESSAGES:
             columns["t"] = _time(plan, lead, plan.periods * N_SAMPLE, tail, generator)
         columns |= _extra(plan, len(values))
+        if plan.disorder:
+            columns = _out_of_order(plan, columns, len(values))
         names = [name for _, name in sorted(zip(order, columns, strict=False))]
         logs.columns[index] = {name: columns[name] for name in names}
         logs.begin[index] = lead
@@ -341,6 +345,16 @@ def _time(plan: Plan, lead: int, used: int, tail: int, generator: np.random.Gene
         return [(MIDNIGHT + timedelta(seconds=round(float(x), 6))).strftime(STAMPS[plan.stamp]) for x in since]
     factor = {"s": 1.0, "ms": 1e3, "us": 1e6}[plan.time]
     return factor * (plan.step_s * (np.cumsum(steps) - 1) + float(generator.choice([0.0, 12.5])))
+
+
+def _out_of_order(plan: Plan, columns: dict[str, Any], n_sample: int) -> dict[str, Any]:
+    """Columns of which two rows stand some rows too late and two others twice, the same ones in every experiment."""
+    generator = np.random.default_rng([plan.seed, 4])
+    places = np.arange(float(n_sample))
+    places[generator.choice(n_sample - 20, 2, replace=False)] += [1.5, 7.5]
+    rows = np.argsort(places, kind="stable")
+    rows = np.insert(rows, at := generator.choice(n_sample - 1, 2, replace=False), rows[at])
+    return {name: [one[row] for row in rows] if isinstance(one, list) else one[rows] for name, one in columns.items()}
 
 
 def _extra(plan: Plan, n_sample: int) -> dict[str, Any]:

@@ -105,6 +105,7 @@ def plans(draw, **fixed):
         and chosen["start"] != "anywhere"
         and draw(st.booleans())
     )
+    chosen["disorder"] = bool(chosen["time"]) and kind not in TIMED and not message and draw(st.booleans())
     return Plan(**{**chosen, **fixed})
 
 
