@@ -59,7 +59,9 @@ def frequencies(robot, configurations):
 
 
 @pytest.fixture(params=["kr300", "ur5e"])
-def robot(request):
+def robot(request, data_folder):
+    if request.param == "ur5e":  # its model lies there
+        data_folder("robot_models")
     loaded = load_experiment(Path(__file__).parents[4] / f"configs/{request.param}.yaml")
     return loaded.robot.to_robot(loaded.experiment.campaigns["candidates"].payload_kg)
 
