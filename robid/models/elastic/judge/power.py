@@ -31,6 +31,7 @@ _START = 1.0
 """Deviation of an internal value from which on a prior is that of a start, and states nothing: a factor of e."""
 
 _HALVINGS = 14  # of the interval in which the smallest amount lies: to a thousandth of it
+_FOLLOWED = 1e-3  # of the effect of a defect, what parameters have to leave of it for a residual to ask for it
 _LARGEST = 1e3  # deviations known beforehand: a defect that takes more is never shown
 
 
@@ -134,8 +135,8 @@ def detectable_defects(
     lower, upper = (
         np.clip(side * known_to, [each.least for each in listed], [each.most for each in listed]) for side in (-1, 1)
     )
-    # What nothing is left of, the residual cannot ask for.
-    tells = effects.curvature > 0
+    # What parameters follow to a thousandth of its effect, the residual cannot ask for: that little is of second order.
+    tells = effects.curvature > _FOLLOWED**2 * effects.size
     asked = np.divide(effects.slope, effects.curvature, out=np.zeros_like(std), where=tells)
     gain = asked * effects.slope / max(effects.chance, np.finfo(float).tiny)
     return Detectable(names, causes, units, lower, upper, amounts, effects.moves, asked, gain)
@@ -155,6 +156,7 @@ class _Effects:
     moves: FloatArray  # (n_param, n_defect) How far it moves parameters, which follow it
     slope: FloatArray  # (n_defect,) Half the negative gradient of the cost by its amount, priors of starts left out
     curvature: FloatArray  # (n_defect,) Half the second derivative, the parameters following, likewise
+    size: FloatArray  # (n_defect,) The same where parameters follow nothing
     chance: float  # Cost that a random column saves in the mean
 
 
@@ -179,6 +181,7 @@ def _effects(fitted: FittedModel, listed: tuple[Nuisance, ...]) -> _Effects:
         moves=moves,
         slope=added.T @ rest - follow.T @ (own.T @ rest - stated * internal),
         curvature=(added * added).sum(axis=0) - ((own.T @ added) * follow).sum(axis=0),
+        size=(added * added).sum(axis=0),
         chance=float(rest @ rest) / max(freedom, 1),
     )
 

@@ -237,3 +237,12 @@ def test_what_shows_is_named_before_what_may_be_hidden(sound):
     lower[rubs], upper[rubs] = -50.0, -30.0  # friction that drives
     contradicting = replace(hiding, estimate=replace(estimate, lower=lower, upper=upper))
     assert assess_fit(robot, contradicting, frf, OPTIONS, 0.0).causes == ("friction", "hidden")
+
+
+@pytest.mark.parametrize("noise", [1e-3, 3e-2])
+def test_no_residual_asks_for_hysteresis_that_nothing_tells_from_the_spring(noise, sound):
+    found = (sound if noise == 1e-3 else _fitted(noise, 3.0)).detectable
+    same = np.array([name.endswith("hysteresis_never") for name in found.names])
+    assert same.any()
+    assert not found.asked[same].any()
+    assert np.mean(found.asked[~same] != 0) > 0.9
