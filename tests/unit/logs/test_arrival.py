@@ -36,6 +36,18 @@ def arrivals(kind, seed=1):
     return np.maximum.accumulate(EVEN + late) + 1e-9 * np.arange(COUNT)
 
 
+def mapping_of(file, **changes):
+    mapping = LogMapping(
+        file=file,
+        sampling_period_s=STEP,
+        time=TimeChannel("t [s]", "s"),
+        inputs=(InputChannel("motor", "tau [Nm]", "N m"),),
+        outputs=(OutputChannel("motor", "q [rad]"),),
+        one_shot=True,
+    )
+    return replace(mapping, **changes)
+
+
 @pytest.mark.parametrize("kind", ["jitter", "bursts"])
 @pytest.mark.parametrize("noise", [0.0, 1e-5])
 def test_samples_that_were_taken_evenly_get_even_times(kind, noise):
@@ -88,14 +100,7 @@ def logged(folder, kind):
 @pytest.mark.parametrize("kind", ["jitter", "bursts"])
 @pytest.mark.parametrize("resample", [None, "time"])
 def test_a_log_with_stamps_of_arrival_keeps_its_samples(tmp_path, kind, resample):
-    mapping = LogMapping(
-        file=logged(tmp_path, kind),
-        sampling_period_s=STEP,
-        time=TimeChannel("t [s]", "s"),
-        inputs=(InputChannel("motor", "tau [Nm]", "N m"),),
-        outputs=(OutputChannel("motor", "q [rad]"),),
-        one_shot=True,
-    )
+    mapping = mapping_of(logged(tmp_path, kind))
     # Evenly taken: nothing is to be resampled but for the clock's rate, which stamps tell to some parts in a million.
     record = import_shot(replace(mapping, resample="time" if resample else None))
     found = record.outputs.ravel() + record.output_offset.ravel()
@@ -110,15 +115,7 @@ def test_what_arrived_by_two_ways_keeps_its_lag_though_one_of_them_is_noise(tmp_
     rows += [(at, f",{value:.12g}") for at, value in zip(arrivals("bursts"), angle(EVEN), strict=True)]
     lines = ["t [s],tau [Nm],q [rad]", *(f"{at:.12g},{rest}" for at, rest in sorted(rows))]
     (tmp_path / "log.csv").write_text("\n".join(lines))
-    mapping = LogMapping(
-        file=tmp_path / "log.csv",
-        sampling_period_s=STEP,
-        time=TimeChannel("t [s]", "s"),
-        inputs=(InputChannel("motor", "tau [Nm]", "N m"),),
-        outputs=(OutputChannel("motor", "q [rad]"),),
-        one_shot=True,
-        resample="time",
-    )
+    mapping = mapping_of(tmp_path / "log.csv", resample="time")
     record = import_shot(mapping)
     found, angles = record.inputs.ravel(), record.outputs.ravel() + record.output_offset.ravel()
     # The first torque is a lag later than the first angle: which of its samples that is tells the noise.
@@ -131,15 +128,7 @@ def test_bursts_that_nothing_explains_are_refused_and_leaving_out_time_helps(tmp
     kept = np.delete(np.arange(COUNT), 1000)  # a loss is not told from a late sample
     table = np.stack([arrivals("bursts")[kept], torque(EVEN)[kept], angle(EVEN)[kept]], axis=1)
     np.savetxt(tmp_path / "log.csv", table, fmt="%.12g", delimiter=",", header="t [s],tau [Nm],q [rad]", comments="")
-    mapping = LogMapping(
-        file=tmp_path / "log.csv",
-        sampling_period_s=STEP,
-        time=TimeChannel("t [s]", "s"),
-        inputs=(InputChannel("motor", "tau [Nm]", "N m"),),
-        outputs=(OutputChannel("motor", "q [rad]"),),
-        one_shot=True,
-        resample="time",
-    )
+    mapping = mapping_of(tmp_path / "log.csv", resample="time")
     with pytest.raises(DataError, match="D680") as caught:
         import_shot(mapping)
     assert "Leave out `time`" in caught.value.remedy
