@@ -293,7 +293,14 @@ def _same(one: Artifact, other: Artifact) -> bool:
 
 def readable() -> list[str]:
     """The formats whose readers are installed."""
-    needs = {"parquet": "pyarrow", "tdms": "nptdms", "mdf": "asammdf", "mcap": "mcap", "rosbag": "rosbags"}
+    needs = {
+        "parquet": "pyarrow",
+        "arrow": "pyarrow",
+        "tdms": "nptdms",
+        "mdf": "asammdf",
+        "mcap": "mcap",
+        "rosbag": "rosbags",
+    }
     lacking = [kind for kind, module in needs.items() if find_spec(module) is None]
     lacking += ["mcap"] if "rosbag" in lacking else []
     return [kind for kind in LOGS if kind not in lacking]

@@ -90,6 +90,15 @@ def write_parquet(path, columns):
     return path, dict(zip(columns, columns, strict=True))
 
 
+def write_arrow(path, columns):
+    pa = pytest.importorskip("pyarrow")
+    table = pa.table(columns)
+    options = pa.ipc.IpcWriteOptions(compression="lz4")
+    with pa.OSFile(str(path), "wb") as file, pa.ipc.new_file(file, table.schema, options=options) as writer:
+        writer.write_table(table, max_chunksize=300)
+    return path, dict(zip(columns, columns, strict=True))
+
+
 def write_npz(path, columns):
     np.savez_compressed(path, robot="arm", **columns)
     return path, dict(zip(columns, columns, strict=True))
@@ -193,6 +202,7 @@ WRITERS = {
     "npz": (write_npz, "log.npz"),
     "npz NPY": (write_npy, "log.npy"),
     "parquet": (write_parquet, "log.parquet"),
+    "arrow": (write_arrow, "log.feather"),
     "json": (write_json, "log.json"),
     "json lines": (write_json_lines, "log.jsonl"),
     "tdms": (write_tdms, "log.tdms"),

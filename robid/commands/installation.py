@@ -21,7 +21,7 @@ _EXTRAS = {
     "dask": (("distributed",), "work on many machines"),
     "fleet": (("pyarrow",), "tables of many robots"),
     "mdf": (("asammdf",), "logs in MDF"),
-    "parquet": (("pyarrow",), "logs in Parquet"),
+    "parquet": (("pyarrow",), "logs in Parquet and Arrow"),
     "ros": (("mcap", "rosbags"), "logs in MCAP and ROS bags"),
     "tdms": (("nptdms",), "logs in TDMS"),
     "uff": (("pyuff",), "responses as UFF58"),

@@ -12,7 +12,7 @@ from robid.signals.log_channels import InputChannel, LogChannel, OutputChannel, 
 from robid.signals.pose import ANGLES, POSE
 from robid.signals.quantities import DRIVES
 
-LogFormat: TypeAlias = Literal["csv", "mat", "hdf5", "npz", "parquet", "json", "mcap", "rosbag", "tdms", "mdf"]
+LogFormat: TypeAlias = Literal["csv", "mat", "hdf5", "npz", "parquet", "arrow", "json", "mcap", "rosbag", "tdms", "mdf"]
 """The formats of logs that are read; `robid.logs` has a row of its table of formats for each."""
 
 

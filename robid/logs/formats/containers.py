@@ -1,8 +1,9 @@
-"""Reads files of named channels: HDF5, Parquet, TDMS and MDF; each library is imported by its reader alone."""
+"""Reads files of named channels: HDF5, Parquet, Arrow, TDMS and MDF; each library is imported by its reader alone."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,15 +76,52 @@ def _unpacked(values: NDArray[Any], packed: Mapping[str, Any]) -> NDArray[Any]:
     return np.asarray(scale * made + offset)
 
 
+@dataclass(frozen=True)
+class _Table:
+    """A table of Parquet or Arrow."""
+
+    schema: Any  # Its fields, as Arrow has them
+    rows: int  # How many
+    groups: Callable[[str, str], Iterator[Any]]  # The parts of a column by its name, which a top one's begins
+
+
 def read_parquet(file: Path, wanted: Wanted) -> Found:
     """Reads columns of a Parquet file, row group by row group; fields of nested columns are `column.field`."""
     import pyarrow.parquet as pq
 
-    found = Found(room=room_for(file))
-    with pq.ParquetFile(file) as table:
-        for field in table.schema_arrow:
-            for name, leaf in _leaves(field.name, field):
-                _take_column(name, field.name, leaf, table, wanted, found)
+    with pq.ParquetFile(file) as log:
+
+        def groups(name: str, top: str) -> Iterator[Any]:
+            return (log.read_row_group(group, columns=[name]).column(top) for group in range(log.num_row_groups))
+
+        return _read_columns(
+            _Table(log.schema_arrow, log.metadata.num_rows, groups), wanted, Found(room=room_for(file))
+        )
+
+
+def read_arrow(file: Path, wanted: Wanted) -> Found:
+    """Reads columns of an Arrow or Feather file, batch by batch; names are as of Parquet."""
+    import pyarrow as pa
+
+    def batches(column: int) -> Iterator[Any]:
+        options = pa.ipc.IpcReadOptions(included_fields=[column], use_threads=False)
+        with pa.memory_map(str(file)) as source, pa.ipc.open_file(source, options=options) as log:
+            yield from (log.get_batch(number) for number in range(log.num_record_batches))
+
+    with pa.memory_map(str(file)) as source, pa.ipc.open_file(source) as log:
+        schema = log.schema
+
+    def groups(_: str, top: str) -> Iterator[Any]:
+        return (batch.column(top) for batch in batches(schema.get_field_index(top)))
+
+    rows = sum(batch.num_rows for batch in batches(0)) if len(schema) else 0
+    return _read_columns(_Table(schema, rows, groups), wanted, Found(room=room_for(file)))
+
+
+def _read_columns(table: _Table, wanted: Wanted, found: Found) -> Found:
+    for field in table.schema:
+        for name, leaf in _leaves(field.name, field):
+            _take_column(name, field.name, leaf, table, wanted, found)
     return found
 
 
@@ -104,7 +142,7 @@ def _is_list(kind: Any) -> bool:  # noqa: ANN401
     return bool(types.is_list(kind) or types.is_fixed_size_list(kind))
 
 
-def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
+def _take_column(name: str, top: str, leaf: Any, table: _Table, wanted: Wanted, found: Found) -> None:  # noqa: ANN401
     """Adds one column; a list of one length in all rows is a matrix."""
     from pyarrow import types
 
@@ -117,12 +155,11 @@ def _take_column(name: str, top: str, leaf: Any, table: Any, wanted: Wanted, fou
         return
     unit = "s" if is_time else unit
     if name not in wanted:
-        found.mention(name, table.metadata.num_rows, unit)
+        found.mention(name, table.rows, unit)
         return
-    found.reserve(name, _VALUE * table.metadata.num_rows)
+    found.reserve(name, _VALUE * table.rows)
     with found.guarded(name, "It cannot be decoded", _AGAIN):
-        groups = (table.read_row_group(group, columns=[name]) for group in range(table.num_row_groups))
-        parts = [_numbers(one.column(top).combine_chunks(), name, top, is_time=is_time) for one in groups]
+        parts = [_numbers(one, name, top, is_time=is_time) for one in table.groups(name, top)]
         values: NDArray[Any] = np.concatenate(parts) if parts else np.zeros(0)
         if is_time:
             values = _since_first(name, values, found)

@@ -58,6 +58,15 @@ _IN_HERE: dict[LogFormat, Format] = {
     "parquet": Format(
         "a Parquet file", "containers:read_parquet", (".parquet", ".pq"), (b"PAR1",), "columns", ("pyarrow",), "parquet"
     ),
+    "arrow": Format(
+        "an Arrow or Feather file",
+        "containers:read_arrow",
+        (".arrow", ".feather"),
+        (b"ARROW1",),
+        "columns",
+        ("pyarrow",),
+        "parquet",
+    ),
     "mcap": Format("an MCAP file", "messages:read_mcap", (".mcap",), (b"\x89MCAP0\r\n",), "messages", _ROS, "ros"),
     "rosbag": Format("a ROS 2 bag", "messages:read_bag", (".db3",), (b"SQLite format 3\x00",), "messages", _ROS, "ros"),
     "json": Format("JSON", "json_text:read_json", (".json", ".jsonl", ".ndjson"), _JSON, holds="columns"),
@@ -92,7 +101,7 @@ FOREIGN = (
     (b"#ROSBAG V2.0", "a bag of ROS 1", "Convert it with `rosbags-convert --src LOG --dst FOLDER`."),
     (_ZIP, "a zip archive or a spreadsheet", "Unpack it, or save the sheet as CSV."),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet of an old version", "Save the sheet as CSV."),
-    (b"ARROW1", "an Arrow or Feather file", "Save the table as Parquet."),
+    (b"FEA1", "a Feather file of version 1", "Save the table as Parquet."),
     (b"\x28\xb5\x2f\xfd", "packed with zstd", "Unpack it with `zstd -d`."),
 )
 

@@ -14,7 +14,14 @@ def test_every_format_is_read_after_parquet(tmp_path):
     log = {"time": time, "current": np.sin(time), "motor": np.cos(time)}
     reader = Reader()
     try:
-        for kind, name in (("parquet", "parquet"), ("mat", "mat"), ("hdf5", "hdf5"), ("tdms", "tdms"), ("mdf", "mdf")):
+        for kind, name in (
+            ("parquet", "parquet"),
+            ("arrow", "arrow"),
+            ("mat", "mat"),
+            ("hdf5", "hdf5"),
+            ("tdms", "tdms"),
+            ("mdf", "mdf"),
+        ):
             if kind in ("tdms", "mdf"):
                 pytest.importorskip({"tdms": "nptdms", "mdf": "asammdf"}[kind])
             (tmp_path / kind).mkdir()

@@ -39,8 +39,10 @@ def test_hdf5_has_records_units_and_columns(tmp_path):
         find_variable(variables, "run/q(:,4)")
 
 
-def test_parquet_has_nested_columns_lists_gaps_and_times(tmp_path):
+@pytest.mark.parametrize("name", ["log.parquet", "log.feather"])
+def test_parquet_and_feather_have_nested_columns_lists_gaps_and_times(tmp_path, name):
     pa, pq = pytest.importorskip("pyarrow"), pytest.importorskip("pyarrow.parquet")
+    feather = pytest.importorskip("pyarrow.feather")
     start = datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC)
     table = pa.table(
         {
@@ -53,8 +55,12 @@ def test_parquet_has_nested_columns_lists_gaps_and_times(tmp_path):
         }
     )
     fields = [one.with_metadata({"unit": "N m"}) if one.name == "gap" else one for one in table.schema]
-    pq.write_table(table.cast(pa.schema(fields)), tmp_path / "log.parquet", row_group_size=2)
-    variables = load_variables(tmp_path / "log.parquet")
+    table = table.cast(pa.schema(fields))
+    if name.endswith("parquet"):
+        pq.write_table(table, tmp_path / name, row_group_size=2)
+    else:
+        feather.write_feather(table, tmp_path / name, chunksize=2)
+    variables = load_variables(tmp_path / name)
     np.testing.assert_array_equal(find_variable(variables, "drive.q"), np.arange(5))
     np.testing.assert_array_equal(find_variable(variables, "drive.inner.w"), np.arange(5))
     np.testing.assert_array_equal(find_variable(variables, "tau(:,2)"), 2 * np.arange(5))
