@@ -14,7 +14,7 @@ from robid.errors import DataError
 from robid.logs.clocks import Log, on_one_clock
 from robid.logs.columns import check_lengths, check_motion, check_values, read_columns
 from robid.logs.mapping import Columns, LogMapping, Stated, check_mapping, check_shot, check_wraps, still_note
-from robid.logs.parts import chosen_part, followed_across, whole_piece, without_missing
+from robid.logs.parts import chosen_part, followed_across, part_notes, whole_piece, without_missing
 from robid.logs.period import check_found, find_lines, found_note
 from robid.logs.period_checks import OtherPeriodError
 from robid.logs.placing import PlayedExcitation, check_band, match_periods, place_periods, strongest_channel
@@ -211,8 +211,8 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
     joined, problems = on_one_clock(mapping, read.streams, read.stamps, None if stated is None else stated.period_s)
     problems = [*read.problems, *problems, *check_lengths(mapping, joined.columns)]
     columns, even = even_stamps(mapping, joined.columns)
-    notes = [*read.notes, *joined.notes, *even]
     part = chosen_part(mapping, columns)
+    notes = [*read.notes, *joined.notes, *even, *part_notes(mapping, columns, part)]
     wraps = check_wraps(mapping, read.streams, part)
     problems += wraps.values()
     followed_s = followed_across(mapping, columns, part)
@@ -234,10 +234,6 @@ def _read(mapping: LogMapping, stated: Stated | None = None) -> tuple[Log, list[
             first = part.start or 0
             clock = None if clock is None else replace(clock, first=first, whole=whole, followed_s=followed_s)
             problems += found
-    if part != slice(None):
-        until = "its end" if mapping.to_s is None else f"{mapping.to_s:g} s"
-        used = f"{mapping.from_s:g} s to {until}"
-        notes.append(f"{mapping.file.name}: used from {used}, samples {part.start} to {part.stop - 1}.")
     if mapping.resample == "time" and clock is not None and not problems:
         period_s = None if stated is None else stated.period_s
         columns, clock, told = resample_to_time(mapping, columns, clock, period_s)

@@ -40,6 +40,17 @@ def chosen_part(mapping: LogMapping, columns: Columns) -> slice:
     raise DataError(what, where=str(mapping.file), remedy=f"State from_s and to_s within 0 and {time[-1]:.6g}.")
 
 
+def part_notes(mapping: LogMapping, columns: Columns, part: slice) -> list[str]:
+    """Says which part of a log is used, where not all of it is; and that it ends before its stated limit."""
+    if part == slice(None):
+        return []
+    last_s, until = float(_seconds(mapping, columns)[-1]), "its end"
+    if mapping.to_s is not None:
+        ends_before = last_s + mapping.sampling_period_s < mapping.to_s
+        until = f"its end at {last_s:.6g} s, before {mapping.to_s:g} s" if ends_before else f"{mapping.to_s:g} s"
+    return [f"{mapping.file.name}: used from {mapping.from_s:g} s to {until}, samples {part.start} to {part.stop - 1}."]
+
+
 def followed_across(mapping: LogMapping, columns: Columns, part: slice) -> float:
     """Returns the longest step between rows in which nothing is missing that interpolation follows the channels across.
 

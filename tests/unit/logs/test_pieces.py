@@ -8,7 +8,7 @@ import pytest
 
 from robid.errors import DataError
 from robid.logs.mapping import LogMapping
-from robid.logs.parts import chosen_part, whole_piece
+from robid.logs.parts import chosen_part, part_notes, whole_piece
 from robid.signals.log_channels import InputChannel, OutputChannel
 from robid.signals.log_options import TimeChannel
 
@@ -66,3 +66,13 @@ def test_a_part_beyond_the_log_is_refused_with_its_length():
         chosen_part(replace(MAPPING, from_s=1.0), columns)
     assert "within 0 and 0.196" in refused.value.remedy
     assert chosen_part(replace(MAPPING, from_s=0.1, to_s=0.12), columns) == slice(25, 31)
+
+
+@pytest.mark.parametrize("to_s", [None, 0.12, 0.196, 0.199, 12.0])
+@pytest.mark.parametrize("mapping", [MAPPING, TIMED])
+def test_a_log_that_ends_before_its_limit_says_when(mapping, to_s):
+    columns = {"u": np.arange(50.0), "q": np.arange(50.0), "t": 700 + 4 * np.arange(50.0)}
+    mapping = replace(mapping, from_s=0.1, to_s=to_s)
+    (note,) = part_notes(mapping, columns, chosen_part(mapping, columns))
+    assert ("its end at 0.196 s, before 12 s" in note) == (to_s == 12.0)
+    assert not part_notes(replace(mapping, from_s=0.0, to_s=None), columns, slice(None))
