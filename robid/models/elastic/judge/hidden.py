@@ -13,7 +13,7 @@ from robid.models.elastic.judge.ratios import CHANCE
 from robid.results.finding import Finding, two_digits
 from robid.robot.description import Robot
 
-_FAR = 1.5
+FAR = 1.5
 """Half widths from the middle of an interval beyond which a value is outside: defects act to first order here."""
 
 _QUIETER = 10.0  # times smaller errors than any campaign gives
@@ -109,14 +109,14 @@ def hidden_findings(robot: Robot, solution: ElasticSolution) -> tuple[Finding, .
     asked, hidden = asked_for(robot, solution), worst_hidden(robot, solution)
     if found is None:
         return ()
-    if asked is not None and asked.half_widths > _FAR:
+    if asked is not None and asked.half_widths > FAR:
         message = (
             f"{_amount(found, asked)} would explain more of the residual than chance does, though no element shows it"
             f"{_effect(solution, asked)} ({_remedy(found, asked)})"
         )
-        strength = asked.half_widths / _FAR
+        strength = asked.half_widths / FAR
         told.append(Finding(found.causes[asked.defect], message, decisive=False, strength=strength))
-    if hidden is not None and hidden.half_widths > _FAR:
+    if hidden is not None and hidden.half_widths > FAR:
         shown = float(found.amount[hidden.defect])
         seen = f"would be seen from {two_digits(shown)} on" if np.isfinite(shown) else "would never be seen"
         message = (
@@ -124,7 +124,7 @@ def hidden_findings(robot: Robot, solution: ElasticSolution) -> tuple[Finding, .
             f"({_quieter(shown / abs(hidden.amount))}measure configurations that bend it otherwise, or state in "
             "`doubts` how well it is known)"
         )
-        told.append(Finding("hidden", message, decisive=False, strength=hidden.half_widths / _FAR))
+        told.append(Finding("hidden", message, decisive=False, strength=hidden.half_widths / FAR))
     return tuple(told)
 
 
