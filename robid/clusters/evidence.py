@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotri
 
 from robid.arrays import ComplexArray, FloatArray
 
@@ -174,7 +175,20 @@ def _rows(information: FloatArray, between: FloatArray) -> tuple[FloatArray, Flo
 def inverted(total: FloatArray) -> tuple[FloatArray, float]:
     """Returns the inverse of information (n_param, n_param) and its log-determinant; zero where it is undetermined."""
     scale = np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
-    values, vectors = np.linalg.eigh(total / (scale[:, None] * scale))
+    scaled, known = total / (scale[:, None] * scale), 2 * np.log(scale).sum()
+    # A triangular root tells whether all is determined: no eigenvalue is smaller beside the largest than the reciprocal
+    # of the condition by the largest sum of a row. It costs a tenth of the eigenvalues.
+    root, failed = dpotrf(scaled, lower=True)
+    if not failed:
+        inverse = _mirrored(dpotri(root, lower=True)[0])
+        if np.abs(scaled).sum(axis=0).max() * np.abs(inverse).sum(axis=0).max() < 1 / _UNSEEN:
+            return inverse / (scale[:, None] * scale), float(2 * np.log(np.diag(root)).sum() + known)
+    values, vectors = np.linalg.eigh(scaled)
     kept = values > _UNSEEN * values[-1]
     inverse = (vectors[:, kept] / values[kept]) @ vectors[:, kept].T / (scale[:, None] * scale)
-    return np.asarray(inverse), float(np.log(values[kept]).sum() + 2 * np.log(scale).sum())
+    return np.asarray(inverse), float(np.log(values[kept]).sum() + known)
+
+
+def _mirrored(lower: FloatArray) -> FloatArray:
+    """The symmetric matrix whose lower triangle is given."""
+    return np.asarray(np.tril(lower) + np.tril(lower, -1).T)

@@ -70,6 +70,26 @@ def test_nothing_is_said_along_what_nothing_sees():
     assert logarithm == pytest.approx(np.log(4.0))
 
 
+@pytest.mark.parametrize("digits", [1, 6, 11, 15])
+def test_the_inverse_is_that_of_what_is_seen_however_little_is(digits):
+    generator = np.random.default_rng(digits)
+    turn, size = np.linalg.qr(generator.standard_normal((9, 9)))[0], 10.0 ** generator.uniform(-4, 4, 9)
+    values = np.logspace(0, -digits, 9)
+    total = (turn * values) @ turn.T
+    scale = np.sqrt(np.diag(total))
+    scaled = total / (scale[:, None] * scale)
+    seen = np.linalg.eigvalsh(scaled) > 1e-13 * np.linalg.eigvalsh(scaled)[-1]
+    assert seen.all() == (digits < 15)
+    inverse, logarithm = inverted(total * size[:, None] * size)
+    expected = np.linalg.pinv(scaled, rcond=1e-13, hermitian=True) / (scale[:, None] * scale * size[:, None] * size)
+    # As many digits are lost as information differs.
+    np.testing.assert_allclose(
+        inverse, expected, rtol=10.0 ** (min(digits, 13) - 15), atol=1e-3 * np.abs(expected).min()
+    )
+    determinant = np.log(np.linalg.eigvalsh(scaled)[seen]).sum() + 2 * np.log(scale * size).sum()
+    assert logarithm == pytest.approx(determinant, abs=10.0 ** (min(digits, 13) - 14))
+
+
 def test_evidence_without_any_noise_to_speak_of_saturates_too():
     """Rounding takes the smallest eigenvalues away where information is beyond all digits."""
     rows = 1e9 * np.random.default_rng(3).standard_normal((2, 5, 2))
