@@ -20,6 +20,7 @@ from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.judge.fitted import FittedModel
+from robid.models.elastic.judge.load_friction import load_frictions
 from robid.results.finding import two_digits
 from robid.results.plausible.evidence import gather_evidence
 from robid.robot.description import Robot
@@ -154,7 +155,8 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     backlash leaves no linear spring to estimate.
     """
     freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift))
-    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
+    tried = *_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *load_frictions(robot)
+    return (*tried, *freed)
 
 
 def gear_ratio(robot: Robot, joint: int) -> Nuisance:
