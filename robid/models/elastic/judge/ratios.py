@@ -12,7 +12,15 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.columns import column
-from robid.models.elastic.fit.nuisance.effects import Drift, Effect, LateDrive, Nuisance, OneSided, RobotMove
+from robid.models.elastic.fit.nuisance.effects import (
+    Drift,
+    Effect,
+    LateDrive,
+    LoadFriction,
+    Nuisance,
+    OneSided,
+    RobotMove,
+)
 from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
@@ -20,7 +28,6 @@ from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.optimizers import optimise
 from robid.models.elastic.judge.fitted import FittedModel
-from robid.models.elastic.judge.load_friction import load_frictions
 from robid.results.finding import two_digits
 from robid.results.plausible.evidence import gather_evidence
 from robid.robot.description import Robot
@@ -154,9 +161,8 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
     backlash leaves no linear spring to estimate.
     """
-    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift))
-    tried = *_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *load_frictions(robot)
-    return (*tried, *freed)
+    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift | LoadFriction))
+    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
 
 
 def gear_ratio(robot: Robot, joint: int) -> Nuisance:
