@@ -1,5 +1,6 @@
 """Backends: the same results in the same order wherever tasks run, and no worker left behind."""
 
+import gc
 import os
 import signal
 import subprocess
@@ -78,6 +79,18 @@ def test_after_an_error_the_rest_is_dropped(backend: str, tmp_path: Path) -> Non
     with make_map(backend, 1) as ordered, pytest.raises(DataError, match="disk is full"):
         ordered(backend_tasks.touch_slowly, paths, refuse)
     assert 1 <= len(list(tmp_path.iterdir())) < 20
+
+
+@pytest.mark.parametrize("backend", ["serial", "processes"])
+def test_tasks_leave_no_cycles_behind_though_a_start_hardly_looks_for_any(backend: str) -> None:
+    before = gc.get_threshold()
+    gc.set_threshold(200_000, 20, 100)
+    try:
+        with make_map(backend, 1) as mapped:
+            (left,) = mapped(backend_tasks.cycles_left, [1000])
+    finally:
+        gc.set_threshold(*before)
+    assert left < 1000
 
 
 def test_a_worker_that_dies_is_one_clear_error() -> None:
