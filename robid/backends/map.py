@@ -95,6 +95,7 @@ def make_map(
         BackendError: If the scheduler does not answer, or its workers cannot be used.
         SettingsError: If the address is none.
     """
+    gc.set_threshold(*_COLLECTED)
     if backend == "serial":
         yield _map_serially
     elif backend == "dask":
@@ -125,7 +126,6 @@ def _map_serially(
     function: Callable[[Task], Result], tasks: Sequence[Task], on_done: Callable[[int, Result], None] | None = None
 ) -> list[Result]:
     results = []
-    gc.set_threshold(*_COLLECTED)
     with threadpool_limits(1):
         for index, task in enumerate(tasks):
             stop_if_interrupted()
