@@ -115,3 +115,24 @@ class StrangeError(Exception):
 
     def __init__(self, first: str, second: str) -> None:
         super().__init__(f"{first} and {second}")
+
+
+class _Cycle:
+    """Something large that refers to itself: only a search for cycles frees it."""
+
+    alive = 0
+
+    def __init__(self) -> None:
+        self.own = self
+        _Cycle.alive += 1
+
+    def __del__(self) -> None:
+        _Cycle.alive -= 1
+
+
+def cycles_left(count: int) -> int:
+    """How many of some cycles are still there after as many objects as a fit leaves."""
+    for _ in range(count):
+        _Cycle()
+    kept: list[list[int]] = [[] for _ in range(50_000)]
+    return _Cycle.alive if kept else 0

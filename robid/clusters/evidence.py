@@ -177,7 +177,7 @@ def inverted(total: FloatArray) -> tuple[FloatArray, float]:
     scale = np.sqrt(np.where(np.diag(total) > 0, np.diag(total), 1.0))
     scaled, known = total / (scale[:, None] * scale), 2 * np.log(scale).sum()
     # A triangular root tells whether all is determined: no eigenvalue is smaller beside the largest than the reciprocal
-    # of the condition by the largest sum of a row. It costs a tenth of the eigenvalues.
+    # of the condition by the largest sum of a row. It costs a third of the eigenvalues.
     root, failed = dpotrf(scaled, lower=True)
     if not failed:
         inverse = _mirrored(dpotri(root, lower=True)[0])

@@ -80,6 +80,25 @@ def test_after_an_error_the_rest_is_dropped(backend: str, tmp_path: Path) -> Non
     assert 1 <= len(list(tmp_path.iterdir())) < 20
 
 
+@pytest.mark.parametrize("backend", ["serial", "processes"])
+def test_tasks_leave_no_cycles_behind_though_a_start_hardly_looks_for_any(backend: str, tmp_path: Path) -> None:
+    """Workers begin as the program does that starts them."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "import robid.__main__\n"
+        "import backend_tasks\n"
+        "from robid.backends.map import make_map\n"
+        "if __name__ == '__main__':\n"
+        f"    with make_map({backend!r}, 1) as mapped:\n"
+        "        print(mapped(backend_tasks.cycles_left, [1000])[0])\n"
+    )
+    paths = os.pathsep.join(sys.path)
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, check=True, env={**os.environ, "PYTHONPATH": paths}
+    )
+    assert int(done.stdout) < 1000
+
+
 def test_a_worker_that_dies_is_one_clear_error() -> None:
     with pytest.raises(RobidError, match="worker process ended") as caught, make_map("processes", 1) as ordered:
         ordered(backend_tasks.die, range(3))

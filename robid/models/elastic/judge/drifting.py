@@ -11,6 +11,7 @@ from robid.models.elastic.fit.intervals import FEWEST_CLUSTERS
 from robid.models.elastic.fit.nuisance.effects import Drift
 from robid.models.elastic.fit.nuisance.kinds import DRIFT
 from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
+from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.rest_model import friction_of_one
 from robid.models.elastic.fit.solution import Detectable, ElasticSolution
 from robid.models.elastic.judge.causes import of_nuisances
@@ -48,7 +49,8 @@ def drift_findings(fitted: FittedModel, solution: ElasticSolution, far: float) -
         return ()
     moved, name = _moved(solution, explained)
     more = f" and {len(growths) - _MOST} more" if len(growths) > _MOST else ""
-    free = explained.cause if len(growths) > _MOST else ", ".join(explained.free)
+    names = (explained.cause,) if len(growths) > _MOST else explained.free
+    free = ", ".join(free_with(fitted.options.free, names))
     message = (
         f"viscous friction drifts over the campaign: {', '.join(map(str, growths[:_MOST]))}{more} from the first "
         "configuration to the last; that would explain more of the residual than anything else, and moves "
@@ -78,7 +80,9 @@ class _Growth:
         return self.viscous / self.mean if self.mean > 0 else float(np.copysign(np.inf, self.viscous))
 
     def __str__(self) -> str:
-        told = f"{two_digits(100 * self.share, '+')} %" if self.mean > 0 else f"{two_digits(self.viscous)} N m s/rad"
+        told = (
+            f"{two_digits(100 * self.share, '+')} %" if self.mean > 0 else f"{two_digits(self.viscous, '+')} N m s/rad"
+        )
         return f"{self.joint} {told}"
 
 
