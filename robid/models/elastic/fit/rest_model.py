@@ -48,6 +48,7 @@ _PASSES = 3
 TURN_10_HZ = 20 * np.pi
 """Angular frequency of 10 Hz [rad/s]."""
 NO_LOAD_RAD = 1e-9
+_MILLI = 1e3
 """Deflections, or differences of them, below which loads are none, or alike [rad]."""
 _NUISANCE_STEP = 0.01  # of its deviation
 
@@ -117,9 +118,8 @@ def friction_of_one(inertia: float) -> float:
 
 
 def load_course(model: LinearModel, spring: int) -> FloatArray:
-    """What a spring carries at rest (n_conf,), over the most that it does; 0 where it never carries anything."""
-    load = np.abs(model.rest.deflection[:, spring])
-    return np.asarray(load / max(float(load.max()), NO_LOAD_RAD))
+    """How far a spring is bent by what it carries at rest (n_conf,), in thousandths of its unit of motion."""
+    return np.asarray(_MILLI * np.abs(model.rest.deflection[:, spring]))
 
 
 def clinging_of_one(inertia: float, phase: complex) -> complex:

@@ -176,8 +176,8 @@ class Drift(Effect):
 class LoadFriction(Effect):
     """A motor's friction that grows with what its gear carries at rest; only where a fit frees it.
 
-    An amount is what it has under the campaign's largest load more than without any, in percent of what the rotor asks
-    for at 10 Hz: as viscous friction, or as a torque per angle, for motors that hardly slide cling.
+    An amount is what it has more for each mrad (mm) that the load bends its gear, in percent of what the rotor asks for
+    at 10 Hz: as viscous friction, or as a torque per angle, for motors that hardly slide cling.
     """
 
     put_in = False

@@ -71,6 +71,7 @@ BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hy
 _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-5, 1e-2, 1.0, 1e-3  # of differences
 _MOST_DEG = 20.0  # of a zero
 _ONE_SIDED, _DRIFT = 10.0, 5.0  # percent
+_BY_LOAD = 20.0  # percent for each mrad
 _LATE_US = 500.0  # of a drive, where it matters
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
 _GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
@@ -317,7 +318,7 @@ DRIFTS: Section = (joints, (Kind(
 LOAD_FRICTIONS: Section = (joints, tuple(
     Kind(
         f"{LOAD_FRICTION}{ending}", f"friction of {{}} by its gear's load{what}", "friction",
-        partial(_by_load, phase), size=_DRIFT, unit=_OF_ROTOR,
+        partial(_by_load, phase), size=_BY_LOAD, unit=f"{_OF_ROTOR} per mrad", linear_unit=f"{_OF_ROTOR} per mm",
     )
     for ending, what, phase in (
         ("", "", None), ("_spring", ", in phase with its angle", 1.0), ("_loss", ", that loses energy", 1j),

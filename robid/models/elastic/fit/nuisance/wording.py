@@ -88,9 +88,9 @@ def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, .
         swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be estimated.
     """
     cause, effect = nuisances[0].cause, nuisances[0].effect
-    by_load = (each.name.partition(LOAD_FRICTION)[0] for each in nuisances if isinstance(each.effect, LoadFriction))
-    if joints := tuple(dict.fromkeys(by_load)):
-        return tuple(f"{joint}{LOAD_FRICTION}" for joint in joints)
+    if isinstance(effect, LoadFriction):
+        by_load = (each.name.partition(LOAD_FRICTION)[0] for each in nuisances if isinstance(each.effect, LoadFriction))
+        return tuple(dict.fromkeys(f"{joint}{LOAD_FRICTION}" for joint in by_load))
     if isinstance(effect, _BY_NAME):
         return tuple(nuisance.name for nuisance in nuisances if isinstance(nuisance.effect, _BY_NAME))
     if cause in _KINDS:
