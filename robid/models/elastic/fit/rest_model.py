@@ -49,6 +49,7 @@ TURN_10_HZ = 20 * np.pi
 """Angular frequency of 10 Hz [rad/s]."""
 NO_LOAD_RAD = 1e-9
 _MILLI = 1e3
+_HARDLY = 0.01  # mrad: upright axes carry nothing, bearings that give way turn them by less
 """Deflections, or differences of them, below which loads are none, or alike [rad]."""
 _NUISANCE_STEP = 0.01  # of its deviation
 
@@ -118,8 +119,9 @@ def friction_of_one(inertia: float) -> float:
 
 
 def load_course(model: LinearModel, spring: int) -> FloatArray:
-    """How far a spring is bent by what it carries at rest (n_conf,), in thousandths of its unit of motion."""
-    return np.asarray(_MILLI * np.abs(model.rest.deflection[:, spring]))
+    """How far a spring is bent by what it carries at rest (n_conf,), in thousandths of its unit; 0 where hardly."""
+    load = _MILLI * np.abs(model.rest.deflection[:, spring])
+    return np.asarray(np.where(load > _HARDLY, load, 0.0))
 
 
 def clinging_of_one(inertia: float, phase: complex) -> complex:
