@@ -63,7 +63,7 @@ def shifts_between(
     amounts: FloatArray,
     torque: FloatArray,
     late: tuple[FloatArray, FloatArray] | None = None,
-    drift: FloatArray | None = None,
+    friction: tuple[FloatArray | None, ComplexArray | None] = (None, None),
 ) -> Shifts:
     """Returns how a linearised robot moves with nuisance parameters, by central differences.
 
@@ -73,11 +73,19 @@ def shifts_between(
         amounts (n_nuisance,): Amounts in the middle.
         torque (n_nuisance, n_joint): As in `Shifts`.
         late: Its `late_torque` and `late_output`; nothing is late when not given.
-        drift (n_conf, n_nuisance, n_joint): As in `Shifts`.
+        friction: Its `drift` and `clinging`, each (n_conf, n_nuisance, n_joint).
     """
     torques, outputs = (None, None) if late is None else late
     moved = _slopes(pairs, width)
-    return Shifts(**moved, amounts=amounts, torque=torque, late_torque=torques, late_output=outputs, drift=drift)
+    return Shifts(
+        **moved,
+        amounts=amounts,
+        torque=torque,
+        late_torque=torques,
+        late_output=outputs,
+        drift=friction[0],
+        clinging=friction[1],
+    )
 
 
 def slopes_between(pairs: Sequence[tuple[LinearModel, LinearModel]], width: FloatArray) -> MatrixSlopes:
@@ -163,8 +171,7 @@ def _columns(
 ) -> ComplexArray:
     if kind == NUISANCE_KIND and model.shifts is not None:
         moved = _move_columns(parameters, result, model.shifts)
-        if model.shifts.drift is not None:
-            moved = moved + _drift_columns(result, model.shifts.drift)
+        moved = moved + _friction_columns(result, model.shifts)
         return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
@@ -255,12 +262,17 @@ def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexA
     return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)
 
 
-def _drift_columns(result: Response, drift: FloatArray) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) through motors' friction (n_conf, n_nuisance, n_joint)."""
-    # dG = w^2 x_o (j w d) x_i, as of viscous friction, with what each configuration has of it.
-    outer = _outer(result, slice(0, result.model.n_motor))
-    moved = np.einsum("cfoij,cmj->cfoim", outer, drift, optimize=True)
-    return np.asarray((1j * result.hold * result.omega**3)[:, None, None, None] * moved)
+def _friction_columns(result: Response, shifts: Shifts) -> ComplexArray | float:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) through motors' friction; 0 where none has any."""
+    found: ComplexArray | float = 0.0
+    square = result.hold * result.omega**2
+    # dG = w^2 x_o (dZ) x_i, dZ as of viscous friction and of springs, with what each configuration has of it.
+    for own, scale in ((shifts.drift, 1j * result.omega * square), (shifts.clinging, square)):
+        if own is not None:
+            outer = _outer(result, slice(0, result.model.n_motor))
+            moved = np.einsum("cfoij,cmj->cfoim", outer, own, optimize=True)
+            found = found + scale[:, None, None, None] * moved
+    return found
 
 
 def _spring_outer(result: Response) -> ComplexArray:

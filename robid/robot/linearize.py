@@ -44,6 +44,9 @@ class Shifts(MatrixSlopes):
     # (n_conf, n_nuisance, n_joint) Viscous friction that each motor has more in a configuration; None for none
     # [N m s/rad]
     drift: FloatArray | None = None
+    # (n_conf, n_nuisance, n_joint) Torque per angle that each motor has more in a configuration; None for none
+    # [N m/rad]
+    clinging: ComplexArray | None = None
 
 
 @dataclass(frozen=True)

@@ -237,11 +237,13 @@ def _dynamic_stiffness(
     # Z(w) = -w^2 M + j w D + K + dg/dq (docs/methods, sec. 1).
     inertial = constant - (omega**2)[:, None, None] * mass_matrix(model, parameters)[:, None]
     dynamic = inertial + _beside(model, springs)
-    if model.shifts is not None and model.shifts.drift is not None:
-        # d(motor) by configuration, on the motors' diagonal: j w d.
-        more = np.einsum("cmj,m->cj", model.shifts.drift, parameters.doubt)
-        full = np.pad(more, ((0, 0), (0, constant.shape[-1] - model.n_motor)))
-        dynamic = dynamic + 1j * omega[:, None, None] * (full[:, None, :, None] * np.eye(full.shape[-1]))
+    if model.shifts is not None:
+        # Friction by configuration, on the motors' diagonal: j w d, and what does not depend on frequency.
+        for own, rate in ((model.shifts.drift, 1j * omega), (model.shifts.clinging, np.ones_like(omega))):
+            if own is not None:
+                more = np.einsum("cmj,m->cj", own, parameters.doubt)
+                full = np.pad(more, ((0, 0), (0, constant.shape[-1] - model.n_motor)))
+                dynamic = dynamic + rate[:, None, None] * (full[:, None, :, None] * np.eye(full.shape[-1]))
     if model.effects is None:
         return np.asarray(dynamic + 1j * omega[:, None, None] * _dampers(model, parameters))
     dynamic = dynamic + _on_springs(model, model.effects.stiffness(parameters.doubt, np.real(omega)))

@@ -21,6 +21,7 @@ from robid.models.elastic.fit.gear_motion import (
 from robid.models.elastic.fit.nuisance.effects import (
     Drift,
     LoadDamping,
+    LoadFriction,
     Nuisance,
     OneSided,
     RobotMove,
@@ -47,6 +48,8 @@ _PASSES = 3
 TURN_10_HZ = 20 * np.pi
 """Angular frequency of 10 Hz [rad/s]."""
 NO_LOAD_RAD = 1e-9
+_MILLI = 1e3
+_HARDLY = 0.01  # mrad: upright axes carry nothing, bearings that give way turn them by less
 """Deflections, or differences of them, below which loads are none, or alike [rad]."""
 _NUISANCE_STEP = 0.01  # of its deviation
 
@@ -97,8 +100,8 @@ def rest_model(
             pairs.append((model, model))
     width = np.array([2 * _NUISANCE_STEP * each.common_std for each in estimated])
     late = late_slopes(estimated, frf.input_names, frf.output_names)
-    torque, drift = torque_slopes(estimated, len(robot.joints)), _drifts(estimated, robot, len(frf.configurations))
-    shifts = shifts_between(pairs, width, amounts, torque, late, drift)
+    torque, friction = torque_slopes(estimated, len(robot.joints)), _frictions(estimated, robot, model)
+    shifts = shifts_between(pairs, width, amounts, torque, late, friction)
     if not any(isinstance(each.effect, LoadDamping | SlipTorque) for each in estimated):
         return replace(model, shifts=shifts)
     now = replace(nominal_parameters(robot, model, delay_s), doubt=amounts) if values is None else values
@@ -115,14 +118,39 @@ def friction_of_one(inertia: float) -> float:
     return TURN_10_HZ * inertia / PERCENT
 
 
-def _drifts(estimated: Sequence[Nuisance], robot: Robot, count: int) -> FloatArray | None:
-    """What an amount of each adds to the motors' viscous friction (count, n_nuisance, n_joint); None for nothing."""
-    found = np.zeros((count, len(estimated), len(robot.joints)))
+def load_course(model: LinearModel, spring: int) -> FloatArray:
+    """How far a spring is bent by what it carries at rest (n_conf,), in thousandths of its unit; 0 where hardly."""
+    load = _MILLI * np.abs(model.rest.deflection[:, spring])
+    return np.asarray(np.where(load > _HARDLY, load, 0.0))
+
+
+def clinging_of_one(inertia: float, phase: complex) -> complex:
+    """Torque per angle of a percent of what an inertia asks for at 10 Hz [N m/rad]."""
+    return phase * inertia * TURN_10_HZ**2 / PERCENT
+
+
+def _frictions(
+    estimated: Sequence[Nuisance], robot: Robot, model: LinearModel
+) -> tuple[FloatArray | None, ComplexArray | None]:
+    """What an amount of each adds to the motors' viscous friction, and to their torque per angle; None for nothing.
+
+    Both (n_conf, n_nuisance, n_joint).
+    """
+    count = len(model.mass)
+    viscous = np.zeros((count, len(estimated), len(robot.joints)))
+    clinging = np.zeros(viscous.shape, complex)
     for row, each in enumerate(estimated):
-        if isinstance(each.effect, Drift):
-            own = friction_of_one(robot.joints[each.effect.joint].motor.inertia_kgm2)
-            found[:, row, each.effect.joint] = own * campaign_course(count)
-    return found if found.any() else None
+        effect = each.effect
+        if not isinstance(effect, Drift | LoadFriction):
+            continue
+        inertia = robot.joints[effect.joint].motor.inertia_kgm2
+        if isinstance(effect, Drift):
+            viscous[:, row, effect.joint] = friction_of_one(inertia) * campaign_course(count)
+        elif effect.phase is None:
+            viscous[:, row, effect.joint] = friction_of_one(inertia) * load_course(model, effect.spring)
+        else:
+            clinging[:, row, effect.joint] = clinging_of_one(inertia, effect.phase) * load_course(model, effect.spring)
+    return (viscous if viscous.any() else None), (clinging if clinging.any() else None)
 
 
 def bent_ways(model: LinearModel, spring: int) -> FloatArray:

@@ -14,11 +14,11 @@ from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
 from robid.models.elastic.judge.causes import misfit_findings
-from robid.models.elastic.judge.drifting import drift_findings
 from robid.models.elastic.judge.fitted import FittedModel, fitted_model
 from robid.models.elastic.judge.friction import with_friction_remedies
 from robid.models.elastic.judge.grading import grade_fit, is_unexplained, measure
 from robid.models.elastic.judge.hidden import FAR, hidden_findings
+from robid.models.elastic.judge.outstanding import outstanding_findings
 from robid.models.elastic.judge.plausible_parameters import fitted_carrier, parameter_findings
 from robid.models.elastic.judge.power import detectable_defects
 from robid.results.estimate import Estimate
@@ -143,7 +143,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     Else first to blame is what data alone decide, then a delay, which a fit reads from the phases, then what explains
     the residual, then the rest: parameters that cannot be are mostly the residual's doing. Causes of the residual are
     looked for only where it holds more than noise explains; else what noise may hide counts, last. Where none is
-    found, a drift that it plainly follows is told.
+    found, a drift that it plainly follows is told, or one defect that is much of it.
 
     The fit's own data are held to the limits of a validation. Responses or resonances beyond them are a decisive
     finding, which a validation takes over. What the error costs decides only here: where new data are predicted within
@@ -172,7 +172,7 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     unexplained = is_unexplained(solution)
     causes = misfit_findings(solution, fitted) if unexplained else ()
     solution = solution if causes else _with_detectable(robot, solution, frf, options, delay_s)
-    findings += causes or drift_findings(fitted, solution, FAR)
+    findings += causes or outstanding_findings(fitted, solution, FAR)
     hidden = () if unexplained else hidden_findings(robot, solution)
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)

@@ -100,7 +100,8 @@ def of_ratio(robot: Robot, trial: RatioTrial) -> Explanation:
     )
 
 
-_TELLING = 0.1
+TELLING = 0.1
+"""Share of the residual's cost from which what explains it is worth a word."""
 _RUINED = 0.2  # relative error of a spring
 _MOSTLY = 0.5  # of the misfit
 _CLEARLY = 3.0  # half-widths
@@ -119,7 +120,7 @@ def misfit_findings(solution: ElasticSolution, fitted: FittedModel) -> tuple[Fin
         Findings whose strength is how many half widths of its interval some parameter would move. The first is decisive
         where it explains most of the residual and is a sign, or a spring that leaves another one far from its estimate.
     """
-    found = [each for each in explain(fitted) if each.share > _TELLING]
+    found = [each for each in explain(fitted) if each.share > TELLING]
     return tuple(_finding(solution.estimate, each, found if each is found[0] else (), fitted.options) for each in found)
 
 

@@ -12,7 +12,15 @@ from robid.arrays import ComplexArray, FloatArray
 from robid.errors import DataError
 from robid.frf.frf import Frf
 from robid.models.elastic.fit.nuisance.columns import column
-from robid.models.elastic.fit.nuisance.effects import Drift, Effect, LateDrive, Nuisance, OneSided, RobotMove
+from robid.models.elastic.fit.nuisance.effects import (
+    Drift,
+    Effect,
+    LateDrive,
+    LoadFriction,
+    Nuisance,
+    OneSided,
+    RobotMove,
+)
 from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
@@ -153,7 +161,7 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
     backlash leaves no linear spring to estimate.
     """
-    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift))
+    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift | LoadFriction))
     return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
 
 

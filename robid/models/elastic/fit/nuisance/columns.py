@@ -17,6 +17,7 @@ from robid.models.elastic.fit.nuisance.effects import (
     Effect,
     Hysteresis,
     LateDrive,
+    LoadFriction,
     LoadStiffness,
     MotorFriction,
     OneSided,
@@ -30,10 +31,11 @@ from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.problem import Problem
 from robid.models.elastic.fit.rest_model import (
     NO_LOAD_RAD,
-    TURN_10_HZ,
     bent_ways,
     campaign_course,
+    clinging_of_one,
     friction_of_one,
+    load_course,
 )
 from robid.robot.response import ElasticParameters
 
@@ -116,22 +118,37 @@ def _(effect: Drift, scene: Scene) -> ComplexArray:
 
 
 @column.register
+def _(effect: LoadFriction, scene: Scene) -> ComplexArray:
+    inertia = float(scene.robot.joints[effect.joint].motor.inertia_kgm2)
+    course = load_course(scene.problem.model, effect.spring)
+    if effect.phase is not None:
+        return _clung(effect.joint, clinging_of_one(inertia, effect.phase) * course, scene)
+    own = friction_of_one(inertia) * course
+    return np.asarray(own[:, None, None, None] * scene.slopes("viscous")[..., effect.joint])
+
+
+@column.register
 def _(effect: MotorFriction, scene: Scene) -> ComplexArray:
+    return _clung(effect.joint, np.array([clinging_stiffness(effect, scene)]), scene)
+
+
+def _clung(joint: int, stiffness: ComplexArray, scene: Scene) -> ComplexArray:
+    """What a motor's torque per angle (n_conf,) does to the log response [N m/rad]."""
     frf, whole, hold = scene.problem.frf, scene.response.sampled, scene.response.hold
-    name = frf.input_names[effect.joint]
+    name = frf.input_names[joint]
     if name not in frf.output_names:
         return np.zeros_like(whole)  # nothing shows its angle
     row = frf.output_names.index(name)
     square = (2 * np.pi * frf.frequency_hz) ** 2
     # Its torque -c x is F = c / w^2 times the acceleration: fed back, G becomes (1 - G F)^-1 G, nearly G + G F G.
-    moved = whole[..., :, effect.joint, None] * whole[..., row, None, :] / whole
+    moved = whole[..., :, joint, None] * whole[..., row, None, :] / whole
     # The motor feels its friction at once, a torque only after hold and delay.
-    return np.asarray(clinging_stiffness(effect, scene) * moved / (square * hold)[:, None, None])
+    return np.asarray(stiffness[:, None, None, None] * moved / (square * hold)[:, None, None])
 
 
 def clinging_stiffness(effect: MotorFriction, scene: Scene) -> complex:
     """Torque per angle that an amount of one is [N m/rad]."""
-    return effect.phase * float(scene.values.motor_inertia[effect.joint]) * TURN_10_HZ**2 / PERCENT
+    return clinging_of_one(float(scene.values.motor_inertia[effect.joint]), effect.phase)
 
 
 @column.register

@@ -173,6 +173,20 @@ class Drift(Effect):
 
 
 @dataclass(frozen=True)
+class LoadFriction(Effect):
+    """A motor's friction that grows with what its gear carries at rest; only where a fit frees it.
+
+    An amount is what it has more for each mrad (mm) that the load bends its gear, in percent of what the rotor asks for
+    at 10 Hz: as viscous friction, or as a torque per angle, for motors that hardly slide cling.
+    """
+
+    put_in = False
+    joint: int  # Index of the motor
+    spring: int  # Index of its gear
+    phase: complex | None  # Of that torque, 1 of a spring and j of a constant loss; None for viscous friction
+
+
+@dataclass(frozen=True)
 class Nuisance:
     """A nuisance parameter of one robot. Amounts are zero where the file is right."""
 

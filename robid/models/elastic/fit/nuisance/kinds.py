@@ -27,6 +27,7 @@ from robid.models.elastic.fit.nuisance.effects import (
     Hysteresis,
     LateDrive,
     LoadDamping,
+    LoadFriction,
     LoadStiffness,
     MotorFriction,
     Nuisance,
@@ -61,6 +62,8 @@ ZERO = "zero"
 """Cause and end of the name of zeros that are off."""
 DRIFT = "drift"
 """End of the names of viscous friction that drifts."""
+LOAD_FRICTION = "load_friction"
+"""Name, after the joint's, of friction that grows with the load of its gear; those of its parts begin so."""
 ONE_SIDED = "one_sided"
 """End of the names of gears that are stiffer one way."""
 BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hysteresis", "held_spring"
@@ -68,6 +71,7 @@ BALANCE, LOAD_DAMPING, HYSTERESIS, FIXED = "counterbalance", "load_damping", "hy
 _STEP_M, _TURN_STEP, _STEP_NM, _STEP_DEG = 1e-5, 1e-2, 1.0, 1e-3  # of differences
 _MOST_DEG = 20.0  # of a zero
 _ONE_SIDED, _DRIFT = 10.0, 5.0  # percent
+_BY_LOAD = 20.0  # percent for each mrad
 _LATE_US = 500.0  # of a drive, where it matters
 _BALANCE_SHARE, _BALANCE_NM = 0.1, 100.0  # of the arm-side torque that the motor can give; where nobody says that
 _GROWTH, _SLIP_SHARE, _TORQUE_NM = 3.0, 0.005, 2e3  # of a damper up to that torque, of it, and where nobody says it
@@ -209,6 +213,11 @@ def _fixed(kind: Literal["stiffness", "damping"], robot: Robot, index: int) -> E
     return ValueOff(kind, index) if getattr(robot.springs[index], kind) > 0 else None
 
 
+def _by_load(phase: complex | None, robot: Robot, index: int) -> Effect | None:
+    gears = [row for row, spring in enumerate(robot.springs) if (spring.place, spring.joint) == ("transmission", index)]
+    return LoadFriction(index, gears[0], phase) if gears else None
+
+
 # A row: ending, title, cause, effect, prior, size, unit. `least` and `most` bound an amount by what makes sense: no
 # mass is negative, no hysteresis gains energy.
 # fmt: off
@@ -306,6 +315,15 @@ DRIFTS: Section = (joints, (Kind(
     DRIFT, "half the growth of {}'s viscous friction over the campaign", "unsteady", lambda _, index: Drift(index),
     size=_DRIFT, unit=_OF_ROTOR,
 ),))
+LOAD_FRICTIONS: Section = (joints, tuple(
+    Kind(
+        f"{LOAD_FRICTION}{ending}", f"friction of {{}} by its gear's load{what}", "friction",
+        partial(_by_load, phase), size=_BY_LOAD, unit=f"{_OF_ROTOR} per mrad", linear_unit=f"{_OF_ROTOR} per mm",
+    )
+    for ending, what, phase in (
+        ("", "", None), ("_spring", ", in phase with its angle", 1.0), ("_loss", ", that loses energy", 1j),
+    )
+))
 BALANCES: Section = (unbalanced, tuple(
     Kind(
         f"{BALANCE}_{wave}", f"{BALANCE} of {{}} by the {wave} of its angle", BALANCE,
@@ -344,7 +362,8 @@ ESTIMABLE: tuple[Section, ...] = (
     TORQUES,
     LATE_DRIVES,
     DRIFTS,
+    LOAD_FRICTIONS,
     BALANCES,
     GEAR_EFFECTS,
 )
-"""What a fit can estimate, in the order of its parameters; the last four only where one does."""
+"""What a fit can estimate, in the order of its parameters; the last five only where one does."""

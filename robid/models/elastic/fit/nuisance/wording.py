@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from robid.models.elastic.fit.nuisance.effects import (
     Drift,
     LateDrive,
+    LoadFriction,
     LoadStiffness,
     Nuisance,
     OneSided,
@@ -15,7 +16,7 @@ from robid.models.elastic.fit.nuisance.effects import (
     TorqueScale,
     ValueOff,
 )
-from robid.models.elastic.fit.nuisance.kinds import FIXED, HYSTERESIS
+from robid.models.elastic.fit.nuisance.kinds import FIXED, HYSTERESIS, LOAD_FRICTION
 from robid.models.elastic.fit.nuisance.listing import estimable_nuisances, names, slipping_name
 from robid.models.elastic.fit.nuisance.moves import further_springs, is_spring
 from robid.models.elastic.fit.options import ElasticOptions, restricted
@@ -87,6 +88,9 @@ def remedy(nuisances: Sequence[Nuisance], *, swings_known: bool) -> tuple[str, .
         swings_known: Whether the response tells how far the gears swing, without which no hysteresis can be estimated.
     """
     cause, effect = nuisances[0].cause, nuisances[0].effect
+    if isinstance(effect, LoadFriction):
+        by_load = (each.name.partition(LOAD_FRICTION)[0] for each in nuisances if isinstance(each.effect, LoadFriction))
+        return tuple(dict.fromkeys(f"{joint}{LOAD_FRICTION}" for joint in by_load))
     if isinstance(effect, _BY_NAME):
         return tuple(nuisance.name for nuisance in nuisances if isinstance(nuisance.effect, _BY_NAME))
     if cause in _KINDS:
