@@ -170,8 +170,7 @@ def _columns(
     model: LinearModel, parameters: ElasticParameters, result: Response, kind: str, through_rest: ComplexArray | None
 ) -> ComplexArray:
     if kind == NUISANCE_KIND and model.shifts is not None:
-        moved = _move_columns(parameters, result, model.shifts)
-        moved = moved + _friction_columns(result, model.shifts)
+        moved = _with_friction(_move_columns(parameters, result, model.shifts), result, model.shifts)
         return moved if model.effects is None else moved + _effect_columns(parameters, result)
     n_motor = model.n_motor
     scale = (result.hold * result.omega**2)[:, None, None, None]
@@ -262,17 +261,15 @@ def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexA
     return np.asarray((result.hold * omega**2)[:, None, None, None] * moved)
 
 
-def _friction_columns(result: Response, shifts: Shifts) -> ComplexArray | float:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance) through motors' friction; 0 where none has any."""
-    found: ComplexArray | float = 0.0
+def _with_friction(moved: ComplexArray, result: Response, shifts: Shifts) -> ComplexArray:
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_nuisance), those through motors' friction added."""
     square = result.hold * result.omega**2
     # dG = w^2 x_o (dZ) x_i, dZ as of viscous friction and of springs, with what each configuration has of it.
     for own, scale in ((shifts.drift, 1j * result.omega * square), (shifts.clinging, square)):
         if own is not None:
             outer = _outer(result, slice(0, result.model.n_motor))
-            moved = np.einsum("cfoij,cmj->cfoim", outer, own, optimize=True)
-            found = found + scale[:, None, None, None] * moved
-    return found
+            moved = moved + scale[:, None, None, None] * np.einsum("cfoij,cmj->cfoim", outer, own, optimize=True)
+    return np.asarray(moved)
 
 
 def _spring_outer(result: Response) -> ComplexArray:
