@@ -10,6 +10,8 @@ import numpy as np
 
 from robid.arrays import FloatArray
 from robid.frf.frf import Frf
+from robid.models.elastic.fit.nuisance.effects import LoadFriction
+from robid.models.elastic.fit.nuisance.listing import estimated_nuisances
 from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.fit.problem import without_coefficients
 from robid.models.elastic.fit.solution import ElasticSolution
@@ -177,7 +179,8 @@ def assess_fit(robot: Robot, solution: ElasticSolution, frf: Frf, options: Elast
     findings += uncoupled_findings(fitted)
     own = measure(fitted, fitted.problem.model_response(fitted.internal), options.weights.model_error)
     missed = own.findings("the fit's own data")
-    told = with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf)
+    by_load = any(isinstance(each.effect, LoadFriction) for each in estimated_nuisances(robot, options))
+    told = with_friction_remedies([*findings, *hidden, *seen, *read, *missed], frf, by_load=by_load)
     # What noise may hide comes behind all that shows.
     every = ordered(sorted(told, key=lambda one: one.cause == "hidden"))
     return grade_fit(solution, every, own.cost_failures("the fit's own data"))

@@ -12,16 +12,18 @@ from robid.frf.silent import MIN_LINES, telling_count
 from robid.results.finding import Finding
 
 _TRIES = "try `"  # What a finding has that says what to free
+_BY_LOAD = "play a larger excitation, so that motors slide: no `compensation` knows friction that grows with the load"
 
 
-def with_friction_remedies(findings: Iterable[Finding], frf: Frf) -> list[Finding]:
+def with_friction_remedies(findings: Iterable[Finding], frf: Frf, *, by_load: bool = False) -> list[Finding]:
     """Returns findings, those that point to friction with what to do where they do not say it themselves.
 
     Args:
         findings: Findings about a fit.
         frf: The response that it was fitted to.
+        by_load: Whether the fit estimates friction that grows with the load.
     """
-    told = friction_remedy(frf)
+    told = _BY_LOAD if by_load else friction_remedy(frf)
     return [
         replace(each, message=f"{each.message} ({told})")
         if each.cause == "friction" and _TRIES not in each.message

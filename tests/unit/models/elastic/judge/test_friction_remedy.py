@@ -43,6 +43,14 @@ def test_a_response_without_its_record_has_no_settings_for_friction():
     assert "record" in told
 
 
+def test_silent_lines_are_no_remedy_where_friction_that_grows_with_the_load_is_estimated():
+    frf = response(ODD, [*np.arange(2, 60, 2), *np.arange(31, 59, 2)])
+    given = [Finding("friction", "the level is off", decisive=False, strength=2.0)]
+    by_law, by_load = (with_friction_remedies(given, frf, by_load=estimated)[0].message for estimated in (False, True))
+    assert "silent_lines" in by_law
+    assert "silent_lines" not in by_load
+
+
 def test_only_friction_without_a_remedy_gets_one():
     frf = response(ODD, np.arange(2, 60, 2))
     given = [
