@@ -9,8 +9,10 @@ from functools import partial
 import numpy as np
 
 from robid.arrays import ComplexArray, FloatArray
+from robid.clusters.evidence import group_clusters
 from robid.errors import DataError
 from robid.frf.frf import Frf
+from robid.models.elastic.fit.intervals import FEWEST_CLUSTERS
 from robid.models.elastic.fit.nuisance.columns import column
 from robid.models.elastic.fit.nuisance.effects import (
     Drift,
@@ -159,9 +161,11 @@ def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
     """Lists explanations of a misfit that are no nuisances of a robot file.
 
     They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
-    backlash leaves no linear spring to estimate.
+    backlash leaves no linear spring to estimate. In a few clusters of configurations anything goes with the load.
     """
-    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, OneSided | Drift | LoadFriction))
+    few = len(group_clusters(frf.configurations)) < FEWEST_CLUSTERS
+    kinds = OneSided | Drift if few else OneSided | Drift | LoadFriction
+    freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, kinds))
     return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
 
 

@@ -121,6 +121,8 @@ def _(effect: Drift, scene: Scene) -> ComplexArray:
 def _(effect: LoadFriction, scene: Scene) -> ComplexArray:
     inertia = float(scene.robot.joints[effect.joint].motor.inertia_kgm2)
     course = load_course(scene.problem.model, effect.spring)
+    # Only what differs from configuration to configuration speaks for the load: the rest is of a law that is off.
+    course = course - course.mean()
     if effect.phase is not None:
         return _clung(effect.joint, clinging_of_one(inertia, effect.phase) * course, scene)
     own = friction_of_one(inertia) * course

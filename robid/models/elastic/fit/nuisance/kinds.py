@@ -321,7 +321,7 @@ LOAD_FRICTIONS: Section = (joints, tuple(
         partial(_by_load, phase), size=_BY_LOAD, unit=f"{_OF_ROTOR} per mrad", linear_unit=f"{_OF_ROTOR} per mm",
     )
     for ending, what, phase in (
-        ("", "", None), ("_spring", ", in phase with its angle", 1.0), ("_loss", ", that loses energy", 1j),
+        ("_viscous", "", None), ("_spring", ", in phase with its angle", 1.0), ("_loss", ", that loses energy", 1j),
     )
 ))
 BALANCES: Section = (unbalanced, tuple(

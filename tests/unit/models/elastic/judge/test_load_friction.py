@@ -63,7 +63,7 @@ def test_friction_that_grows_with_its_load_is_named_with_its_size_and_gone_where
     options = replace(OPTIONS, free=free_with(OPTIONS.free, first.free))
     after = fit_elastic(stated, frf, options, DELAY_S)
     assert after.costs.total < 1.2 * after.costs.expected.sum() < 0.5 * before.costs.total
-    assert after.estimate.found["shoulder.load_friction"] == pytest.approx(expected, rel=0.05)
+    assert after.estimate.found["shoulder.load_friction_viscous"] == pytest.approx(expected, rel=0.05)
     assert after.estimate.found["shoulder.viscous"] == pytest.approx(LEAST, rel=0.05)
     # Elsewhere gears carry less: what was found there is not scaled by the largest load of a campaign.
     assert loads(ELSEWHERE).max() < 0.6 * loads().max()
