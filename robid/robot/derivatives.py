@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from robid.arrays import ComplexArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.robot.description import Robot
 from robid.robot.linearize import Equilibrium, LinearModel, Shifts, gravity_torque, linearize
 from robid.robot.model import ElasticModel, build_model
@@ -155,7 +155,9 @@ def jacobian(
         # Gains are exp(sum a t) of the motors' torques: the derivative of a logarithm is relative.
         relative = gain_slopes(model.shifts, np.real(result.omega))
         columns[kinds.index(NUISANCE_KIND)] += (result.sampled / result.gain)[..., None] * relative
-    return np.concatenate(columns, axis=-1) * result.gain[..., None]
+    found = np.concatenate(columns, axis=-1)
+    found *= result.gain[..., None]
+    return found
 
 
 def _all_columns(
@@ -233,21 +235,32 @@ def _rest_columns(
 
 
 def _move_columns(parameters: ElasticParameters, result: Response, moves: MatrixSlopes) -> ComplexArray:
-    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or nuisance parameters."""
+    """Derivatives (n_conf, n_freq, n_out, n_in, n_move) along displacements of the rest, or nuisance parameters.
+
+    dG = -w^2 ((dC) Z^-1 B - C Z^-1 (dZ) Z^-1 B), dZ by inertia and by the gradient of gravity. Most moves have few of
+    these: delays and friction have none.
+    """
     model, square = result.model, result.omega**2
-    columns = _inertia_columns(model, parameters, result, moves.mass)
-    left, right = np.swapaxes(result.outputs, -1, -2), result.inputs
-    for index in range(moves.mass.shape[1]):
-        # dG = -w^2 ((dC) Z^-1 B - C Z^-1 (dZ) Z^-1 B), with dZ the gradient of gravity here; inertia is above.
-        change = square[:, None, None] * (left @ (moves.gravity_stiffness[:, index, None] @ right))
+    columns = np.zeros((*result.sampled.shape, moves.mass.shape[1]), complex)
+    some = _acting(moves.mass)
+    columns[..., some] = _inertia_columns(model, parameters, result, moves.mass[:, some])
+    some = _acting(moves.gravity_stiffness)
+    by_gravity = _quadratics(result, moves.gravity_stiffness[:, some])
+    columns[..., some] += (result.hold * square)[:, None, None, None] * by_gravity
+    for index in np.flatnonzero(_acting(moves.output) | _acting(moves.tilt)):
         seen = square[:, None, None] * moves.output[:, index, None] + moves.tilt[:, index, None]
-        columns[..., index] += result.hold[:, None, None] * (change - seen @ right)
+        columns[..., index] -= result.hold[:, None, None] * (seen @ result.inputs)
     if result.folding is not None:
         # The fast limit C M^-1 B moves with the outputs; its motion with M is in the inertia columns.
         inverse = np.linalg.inv(mass_matrix(model, parameters))[..., : model.n_motor]
         fast = np.einsum("cmoa,cai->coim", moves.output, inverse)
         columns += result.folding.fast[..., None, None] * fast[:, None]
     return columns
+
+
+def _acting(moves: FloatArray) -> BoolArray:
+    """Which slopes (n_conf, n_move, ...) are not all zero."""
+    return np.asarray(moves.any(axis=(0, *range(2, moves.ndim))))
 
 
 def _effect_columns(parameters: ElasticParameters, result: Response) -> ComplexArray:
@@ -292,8 +305,7 @@ def _inertia_columns(
     model: LinearModel, parameters: ElasticParameters, result: Response, directions: FloatArray
 ) -> ComplexArray:
     spread = np.broadcast_to(directions, (model.mass.shape[0], *directions.shape[1:]))
-    places = zip(result.outputs, spread, result.inputs, strict=True)
-    change = np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
+    change = _quadratics(result, spread)
     # dG = w^2 x_o (-w^2 dM) x_i.
     columns = -(result.hold * result.omega**4)[:, None, None, None] * change
     if result.folding is None:
@@ -303,6 +315,12 @@ def _inertia_columns(
     # d(C M^-1 B) = -C M^-1 (dM) M^-1 B.
     fast = -np.einsum("coa,clab,cbi->coil", left, spread, right, optimize=True)
     return np.asarray(columns + result.folding.fast[..., None, None] * fast[:, None])
+
+
+def _quadratics(result: Response, directions: FloatArray) -> ComplexArray:
+    """Forms (n_conf, n_freq, n_out, n_in, n_direction) of each configuration's own (n_conf, n_direction, ...)."""
+    places = zip(result.outputs, directions, result.inputs, strict=True)
+    return np.stack([_quadratic(outputs, own, inputs) for outputs, own, inputs in places])
 
 
 def _quadratic(outputs: ComplexArray, directions: FloatArray, inputs: ComplexArray) -> ComplexArray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from robid.arrays import BoolArray, FloatArray, IntArray
+from robid.arrays import BoolArray, ComplexArray, FloatArray, IntArray
 from robid.errors import SettingsError
 from robid.models.elastic.fit.nuisance.effects import Nuisance
 from robid.models.elastic.fit.nuisance.kinds import HYSTERESIS, PRIOR_FACTOR
@@ -108,11 +108,26 @@ class ParameterMap:
         """Derivative (n_element + n_friction, n_param) of all elements, then friction scales, by internal values."""
         n_element, n_friction = self.member.size, self.n_friction
         derivative = np.zeros((n_element + n_friction, len(self.names)))
-        # The derivative of an exponential is the value itself. Tied elements share a column, that of their leader.
-        slopes = np.where(self.logarithmic[self.member], self.element_values(internal), self.element_scale)
-        derivative[np.arange(n_element), self.member] = slopes
+        # Tied elements share a column, that of their leader.
+        derivative[np.arange(n_element), self.member] = self._slopes(internal)
         derivative[n_element:, len(self.names) - n_friction :] = np.eye(n_friction)
         return derivative
+
+    def chained(self, by_kind: ComplexArray, internal: FloatArray) -> ComplexArray:
+        """Derivatives (..., n_param - n_friction) by internal values, from those by all elements of the kinds.
+
+        What is given may be overwritten.
+        """
+        count, mask = len(self.names) - self.n_friction, np.concatenate(self.masks)
+        by_element = by_kind if mask.all() else by_kind[..., mask]
+        if np.array_equal(self.member, np.arange(count)):  # nothing is tied: each element is a parameter
+            by_element *= self._slopes(internal)
+            return by_element
+        return np.asarray(by_element @ self.chain(internal)[: self.member.size, :count])
+
+    def _slopes(self, internal: FloatArray) -> FloatArray:
+        """Derivative (n_element,) of each element by its parameter: that of an exponential is the value itself."""
+        return np.where(self.logarithmic[self.member], self.element_values(internal), self.element_scale)
 
     def parameters(self, internal: FloatArray) -> ElasticParameters:
         """Returns all parameter values, fixed ones at nominal."""

@@ -260,12 +260,9 @@ class Problem:
         result = response(self.model, values, self.frf.frequency_hz, self.frf.hold_period_s)
         # Of the model by all elements, by the chain to internal parameters, then by the residual's divisor: d log G =
         # dG / G.
-        plain = jacobian(self.model, values, result, self.parameters.kinds)[..., self.parameters.columns()]
-        count = self.parameters.n_friction
-        element = plain.shape[-1]
-        derivative = plain @ self.parameters.chain(internal)[:element, : len(self.parameters.names) - count]
+        derivative = self.parameters.chained(jacobian(self.model, values, result, self.parameters.kinds), internal)
         derivative /= self.residual_kind.divisor(result.sampled)[..., None]
-        if count:
+        if self.parameters.n_friction:
             moved = -self.measured_slopes(internal) / self.residual_kind.divisor(self.measured(internal))[..., None]
             derivative = np.concatenate([derivative, moved], axis=-1)
         return self.residual(internal, result.sampled), self.residual_kind.part(derivative)
