@@ -146,7 +146,7 @@ def explain(fitted: FittedModel) -> list[Explanation]:
     nuisances = [
         each for each in list_nuisances(robot, options) if each.cause != "missing_spring" and each.common_std > 0
     ]
-    scores = score(fitted, (*nuisances, *candidates(robot, fitted.problem.frf)))
+    scores = score(fitted, (*nuisances, *candidates(robot, fitted.problem.frf, options)))
     groups: dict[str, list[int]] = defaultdict(list)
     for index, nuisance in enumerate(scores.nuisances):
         groups[nuisance.cause].append(index)

@@ -144,7 +144,10 @@ def detectable_defects(
 
 def listed_defects(fitted: FittedModel) -> tuple[Nuisance, ...]:
     """What a robot file may have wrong, and explanations of a misfit; but ratios, which are exact or plainly wrong."""
-    every = (*list_nuisances(fitted.robot, fitted.options), *candidates(fitted.robot, fitted.problem.frf))
+    every = (
+        *list_nuisances(fitted.robot, fitted.options),
+        *candidates(fitted.robot, fitted.problem.frf, fitted.options),
+    )
     return tuple(each for each in every if each.common_std > 0 and each.cause != "gear_ratio")
 
 

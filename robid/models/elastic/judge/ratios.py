@@ -23,12 +23,13 @@ from robid.models.elastic.fit.nuisance.effects import (
     OneSided,
     RobotMove,
 )
-from robid.models.elastic.fit.nuisance.listing import estimable_nuisances
+from robid.models.elastic.fit.nuisance.listing import estimable_nuisances, estimated_nuisances
 from robid.models.elastic.fit.nuisance.moves import with_gear_ratio
 from robid.models.elastic.fit.nuisance.off_robot import problem_at
 from robid.models.elastic.fit.nuisance.response import nuisance_columns
 from robid.models.elastic.fit.nuisance.scene import Scene
 from robid.models.elastic.fit.optimizers import optimise
+from robid.models.elastic.fit.options import ElasticOptions
 from robid.models.elastic.judge.fitted import FittedModel
 from robid.results.finding import two_digits
 from robid.results.plausible.evidence import gather_evidence
@@ -157,16 +158,19 @@ _MILLI = 1e3
 _BACKLASH_STD, _MOST_BACKLASH = 0.1, 2.0  # mrad: a gear of good quality has some 0.3
 
 
-def candidates(robot: Robot, frf: Frf) -> tuple[Nuisance, ...]:
+def candidates(robot: Robot, frf: Frf, options: ElasticOptions | None = None) -> tuple[Nuisance, ...]:
     """Lists explanations of a misfit that are no nuisances of a robot file.
 
     They widen no interval: ratios are exact or plainly wrong, so are drives, all in one clock or a sample late, and
     backlash leaves no linear spring to estimate. In a few clusters of configurations anything goes with the load.
+    What the options have a fit estimate is left out: nothing is left of it.
     """
+    estimated = () if options is None else {each.name for each in estimated_nuisances(robot, options)}
     few = len(group_clusters(frf.configurations)) < FEWEST_CLUSTERS
     kinds = OneSided | Drift if few else OneSided | Drift | LoadFriction
     freed = (each for each in estimable_nuisances(robot) if isinstance(each.effect, kinds))
-    return (*_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed)
+    every = *_gear_ratios(robot, frf), *_backlashes(robot), *_late_drives(robot, frf), *freed
+    return tuple(each for each in every if each.name not in estimated)
 
 
 def gear_ratio(robot: Robot, joint: int) -> Nuisance:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from robid.arrays import part_of
 from robid.models.elastic.fit.fitting import fit_elastic
 from robid.models.elastic.fit.nuisance.columns import column
 from robid.models.elastic.fit.nuisance.listing import list_nuisances
@@ -140,6 +141,23 @@ def test_no_candidate_is_ever_a_nuisance_that_widens_intervals(frf):
     nuisances = {each.name for each in list_nuisances(two_joint_robot(), OPTIONS)}
     assert not nuisances & {each.name for each in candidates(two_joint_robot(), frf)}
     assert not [name for name in nuisances if "backlash" in name or "gear_ratio" in name]
+
+
+@pytest.mark.parametrize("name", ["elbow.load_friction", "elbow.drift", "gear_2.one_sided"])
+def test_what_a_fit_estimates_is_no_candidate(frf, name):
+    robot = two_joint_robot()
+    before, after = (
+        [each.name for each in candidates(robot, frf, replace(OPTIONS, free=free)) if each.name.startswith(name)]
+        for free in ((), (name,))
+    )
+    assert before
+    assert not after
+
+
+def test_in_three_places_no_friction_goes_with_the_load(frf):
+    some, every = (candidates(two_joint_robot(), part_of(frf, "configuration", np.arange(count))) for count in (3, 4))
+    assert not [each.name for each in some if "load_friction" in each.name]
+    assert [each.name for each in every if "load_friction" in each.name]
 
 
 def test_ratios_off_by_less_than_any_is_rounded_to_are_not_told(frf):
