@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
+from finite_differences import check_derivatives
 from robid.arrays import part_of
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance.wording import free_with
@@ -88,10 +89,4 @@ def test_derivatives_by_drift_are_those_of_the_response():
     options = ElasticOptions(free=("shoulder.drift", "gear_1.one_sided"))
     problem = set_up(two_joint_robot(), measured(), options, DELAY_S)[0]
     rows = [problem.parameters.names.index(name) for name in ("shoulder.drift", "gear_1.one_sided")]
-    point = np.random.default_rng(2).uniform(-0.1, 0.1, len(problem.parameters.names))
-    _, derivative = problem.linear(point)
-    for index in rows:
-        step = 1e-4 * (np.arange(point.size) == index)
-        ahead, behind = (np.log(problem.model_response(point + side * step)) for side in (1, -1))
-        difference = (ahead - behind) / 2e-4
-        np.testing.assert_allclose(derivative[..., index], difference, rtol=1e-5, atol=1e-7 * np.abs(difference).max())
+    check_derivatives(problem, rows)

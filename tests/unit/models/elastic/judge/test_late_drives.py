@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot, with_spring_factors
+from finite_differences import check_derivatives
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
@@ -50,10 +51,4 @@ def test_derivatives_by_late_drives_are_those_of_the_response():
     problem = set_up(two_joint_robot(), measured("torque", 1), options, DELAY_S)[0]
     rows = [index for index, name in enumerate(problem.parameters.names) if ".late_" in name or "constant" in name]
     assert len(rows) == 4
-    point = np.random.default_rng(2).uniform(-0.1, 0.1, len(problem.parameters.names))
-    _, derivative = problem.linear(point)
-    for index in rows:
-        step = 1e-4 * (np.arange(point.size) == index)
-        ahead, behind = (np.log(problem.model_response(point + side * step)) for side in (1, -1))
-        difference = (ahead - behind) / 2e-4
-        np.testing.assert_allclose(derivative[..., index], difference, rtol=1e-5, atol=1e-7 * np.abs(difference).max())
+    check_derivatives(problem, rows)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from exact_systems import exact_frf, two_joint_robot
+from finite_differences import check_derivatives
 from robid.models.elastic.fit.fitting import fit_elastic, set_up
 from robid.models.elastic.fit.nuisance.wording import free_with
 from robid.models.elastic.fit.options import ElasticOptions
@@ -84,11 +85,4 @@ def test_derivatives_by_each_part_are_those_of_the_response():
     problem = set_up(rubbing(LEAST), measured(), options, DELAY_S)[0]
     rows = [row for row, name in enumerate(problem.parameters.names) if "load_friction" in name]
     assert len(rows) == 3
-    point = np.random.default_rng(2).uniform(-0.1, 0.1, len(problem.parameters.names))
-    _, derivative = problem.linear(point)
-    for index in rows:
-        step = 1e-4 * (np.arange(point.size) == index)
-        ahead, behind = (np.log(problem.model_response(point + side * step)) for side in (1, -1))
-        difference = (ahead - behind) / 2e-4
-        assert np.abs(difference).max() > 1e-6
-        np.testing.assert_allclose(derivative[..., index], difference, rtol=1e-5, atol=1e-7 * np.abs(difference).max())
+    check_derivatives(problem, rows)
