@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -87,6 +88,18 @@ class Scale:
         return f"turns have {size:.4g} times {more} counts than was said: correct `counts_per_turn` of the {what}"
 
 
+def mistake(scales: Sequence[Scale], size: float) -> str:
+    """Says what some channels, off alike or one side of the gear for the other, would have been read as: a clause."""
+    if len({scale.inverse for scale in scales}) > 1:
+        return _OF_JOINTS[scales[0].inverse]
+    return scales[0].mistake(size, channels_of(scales))
+
+
+def channels_of(scales: Sequence[Scale]) -> str:
+    """The channels of some scales, in words."""
+    return " and of the ".join(scale.what for scale in scales)
+
+
 def read_scale(text: str) -> Scale:
     """Reads what `str` made of a scale."""
     channel, sign, factor, *joints = text.split(" ", 4)
@@ -152,3 +165,11 @@ _SIDES = {
     False: "the {0} belongs to the other side of the gear, where it is larger by the gear ratio: exchange the sides",
     True: "the {0} belongs to the other side of the gear, where it is smaller by the gear ratio: exchange the sides",
 }
+_OF_JOINTS = {
+    False: (
+        "they were those of the joints, behind the gears: name each channel `<joint>.arm`, or, of motors' encoders and "
+        "currents, state the gear ratio as `scale` of the angle and 1 over it as that of the torque"
+    ),
+    True: "they were those of the motors: leave `.arm` out of the channels' names",
+}
+"""The same where torques and motions are all of the other side of the gear, by whether torques are too small."""

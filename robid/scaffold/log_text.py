@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from robid.later import later
+from robid.scaffold.joint_sides import behind_gears
 from robid.scaffold.robot_text import number
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ def variants(
     checked = f"{name}.yaml: check each line that says `# check:`"
     named, told = _named_by_joints(found, joints)
     if named is not None:
+        named, sides = behind_gears(named, joints)
+        told = (*told, *sides)
         text = _with_robot(write_experiment(named, name, path), name, joints)
         placed = f"{name}.yaml: state in `configurations` where the robot stood"
         steps = (*told, checked, *([placed] if "    configurations: " in text else []))
@@ -104,6 +107,6 @@ def _place(joint: CarriedJoint) -> float:
 
 def _with_fit(text: str, found: Findings) -> str:
     """Adds a fit: of springs to a response, of masses and friction to a record without one."""
-    family = "rigid" if found.proposal.one_shot else "elastic"
+    family = "rigid" if found.proposal.one_shot or found.proposal.is_motion else "elastic"
     fit = f"fits:\n  {family}: {{family: {family}, from: log}}"
     return text.replace("\nexecution:", f"\n{fit}\nexecution:", 1)

@@ -247,6 +247,57 @@ def test_a_log_gives_the_experiment_with_the_joints_of_the_robot(here, names):
     assert any("is shoulder" in step for step in answer.json["steps"]) == (names[0] == "j1")
 
 
+LIFTS = """
+<robot name="lifts">
+  <link name="base"/>
+  <link name="arm"><inertial><origin xyz="0.2 0 0"/><mass value="6"/>
+    <inertia ixx="0.01" iyy="0.09" izz="0.09" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <link name="forearm"><inertial><origin xyz="0.15 0 0.02"/><mass value="3"/>
+    <inertia ixx="0.01" iyy="0.04" izz="0.04" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+    <origin xyz="0 0 0.3"/><limit lower="-2.2" upper="2.2" velocity="4" effort="120"/></joint>
+  <joint name="elbow" type="revolute"><parent link="arm"/><child link="forearm"/><axis xyz="0 1 0"/>
+    <origin xyz="0.4 0 0"/><limit lower="-2.5" upper="2.5" velocity="6" effort="40"/></joint>
+</robot>
+"""
+
+
+def motion_of(urdf, ratio, repeats):
+    """A log of joints that move far and slowly, with friction and rotors, `ratio` times as fast where motors are."""
+    pinocchio = pytest.importorskip("pinocchio")
+    model = pinocchio.buildModelFromXML(urdf)
+    data, step, period, rng = model.createData(), 4e-3, 5.0, np.random.default_rng(3)
+    omega, time = 2 * np.pi * np.arange(1, 6) / period, np.arange(0, 4 * period, step)
+    omega = omega if repeats else omega * np.array([1, 1.19, 0.93, 1.07, 1.13])
+    parts, phases = rng.uniform(0.1, 0.3, (2, 5)), rng.uniform(0, 2 * np.pi, (2, 5))
+    angles = omega[:, None] * time + phases[..., None]
+    q, v, a = (
+        np.einsum("jk,jkt->tj", parts * factor, wave(angles))
+        for factor, wave in ((1, np.sin), (omega, np.cos), (-(omega**2), np.sin))
+    )
+    torque = np.array([pinocchio.rnea(model, data, *one) for one in zip(q, v, a, strict=True)])
+    torque += 0.3 * a + 2 * v + 1.5 * np.tanh(v / 0.01) + 0.05 * rng.normal(size=v.shape)
+    columns = {"time [s]": time}
+    for joint, name in enumerate(("shoulder", "elbow")):
+        columns |= {f"angle_{name}[rad]": q[:, joint] * ratio, f"torque_{name}[Nm]": torque[:, joint] / ratio}
+    return columns
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+@pytest.mark.parametrize(("ratio", "side"), [(1, ".arm"), (100, "")])
+def test_a_motion_of_all_joints_is_fitted_rigidly_on_the_side_of_the_gears_that_was_logged(here, repeats, ratio, side):
+    write_csv(here / "motion.csv", motion_of(LIFTS, ratio, repeats))
+    (here / "arm.urdf").write_text(LIFTS)
+    answer = ask("init", "mine", "--model", "arm.urdf", "--log", "motion.csv", "--json")
+    assert answer.code == 0, answer.err
+    told = (here / "mine/mine.yaml").read_text()
+    for name in ("shoulder", "elbow"):
+        assert told.count(f"{{name: {name}{side}, ") == 2
+    loaded = load_experiment(here / "mine/mine.yaml")
+    assert [fit.family for fit in loaded.experiment.fits.values()] == ["rigid"]
+    assert any(".arm" in step for step in answer.json["steps"]) == bool(side)
+
+
 def test_a_log_of_other_axes_leaves_their_names_to_be_given(here):
     write_csv(here / "bench.csv", log_of([("torque[Nm]", "angle[rad]")]))
     (here / "arm.urdf").write_text(two_axes(SCARA))

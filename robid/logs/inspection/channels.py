@@ -9,8 +9,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from robid.arrays import FloatArray
 from robid.logs.inspection.names import DRIVING, MOVING
-from robid.logs.inspection.relations import response_at, sense_of_inertia
+from robid.logs.inspection.relations import response_at, sense_of_inertia, sense_of_loss
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, find_sides
 from robid.logs.inspection.vocabulary import CONVERTED, Role
@@ -46,6 +47,13 @@ class Entry:
     settings: Settings
     checks: tuple[str, ...] = ()
     is_open: bool = False
+
+    def in_unit(self, *units: str) -> FloatArray | None:
+        """Returns its values (n_sample,) in one of some SI units; None where it has another one."""
+        unit, scale = UNITS.get(str(self.settings.get("unit"))), self.settings.get("scale", 1.0)
+        if unit is None or unit.si not in units or not isinstance(scale, int | float):
+            return None
+        return np.asarray(unit.factor * scale * self.signal.column.values)
 
 
 @dataclass(frozen=True)
@@ -228,8 +236,12 @@ def _of_axis(
             # Behind the resonance a load goes against the torque: only lines below it tell its sign.
             parts = [(low, middle)] if place.side == "arm" else [(low, middle), (middle, high), (low, high)]
             senses = [sense_of_inertia(torque, motion, derivatives(one.role), part) for part in parts]
-            sense = max(senses, key=abs)
-            entries.append(_signed(entry, sense, f"how its acceleration goes with `{drive.name}`"))
+            sense, by = max(senses, key=abs), "acceleration"
+            if place.side == "motor" and one.role != "acceleration":
+                # What other joints do to this one may go against its acceleration, but feeds it no work in the end.
+                loss = sense_of_loss(torque, motion, derivatives(one.role) - 1)
+                sense, by = (loss, "speed") if abs(loss) > max(abs(sense), _SENSED) else (sense, by)
+            entries.append(_signed(entry, sense, f"how its {by} goes with `{drive.name}`"))
             turned = -1 if entries[0].settings.get("sign") == -1 else 1
             continue
         order = derivatives(one.role) - derivatives(motor.role)

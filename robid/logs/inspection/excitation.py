@@ -155,6 +155,31 @@ def energy_band(values: FloatArray, step_s: float, part: float = _ENERGY) -> tup
     return float(max(low, 1) / (len(values) * step_s)), float(high / (len(values) * step_s))
 
 
+def moves_far(motions: Sequence[FloatArray], torques: Sequence[FloatArray], step_s: float) -> bool:
+    """Returns whether joints move far and slowly, torques along with them: that tells a rigid model, not a response.
+
+    Args:
+        motions: Angles or positions (n_sample,) of some joints or motors [rad, or m].
+        torques: What drives them (n_sample,).
+        step_s: Sampling period [s].
+    """
+    if not motions or max(float(np.ptp(one)) for one in motions) < _FAR:
+        return False
+    speeds = [np.gradient(one, step_s) for one in motions]
+    sizes = [float(one.std()) for one in speeds]
+    slow = np.average([_below(one, step_s) for one in speeds], weights=np.square(sizes))
+    return bool(slow > _SLOW and np.median([_below(one, step_s) for one in torques]) > _FOLLOWING)
+
+
+def _below(values: FloatArray, step_s: float) -> float:
+    """Share of a signal's power below the frequencies at which springs show."""
+    power = np.abs(rfft(np.asarray(detrend(values)))) ** 2
+    low = np.fft.rfftfreq(len(values), step_s) < _SLOW_HZ
+    return float(power[low].sum() / max(float(power.sum()), np.finfo(float).tiny))
+
+
+_FAR = 0.3  # rad, or m, over which a joint moves in a motion for a rigid model, and its motor more
+_SLOW_HZ, _SLOW, _FOLLOWING = 5.0, 0.98, 0.9  # share of the speeds' and of a usual torque's power below that frequency
 _LISTED = 40  # lines that are listed one by one
 _DENSE = 0.9  # share of a band's lines from which all of them are meant
 _ARBITRARY = 0.02  # share of the band up to Nyquist from which a signal that does not repeat is more than a trajectory
@@ -192,6 +217,7 @@ class Proposal:
     take_last: bool = False  # Whether periods are counted from the end
     resample: str = ""  # Clock to resample to; empty for none
     one_shot: bool = False  # Whether the log is a record without a response
+    is_motion: bool = False  # Whether several joints move far and slowly, as for a rigid model
     part_s: tuple[float, float] | None = None  # From where to where it is used, None for all of it [s]
 
 

@@ -21,6 +21,7 @@ from robid.logs.inspection.excitation import (
     is_broad,
     is_resolved,
     measure_period,
+    moves_far,
     propose_band,
     propose_lines,
     share_period,
@@ -264,6 +265,7 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         None,
         resample="time" if found.is_evened or (found.sampling.variable and found.sampling.jitter > JITTER) else "",
     )
+    made = replace(made, is_motion=found.numbered is None and _is_motion(found, chosen, made))
     if found.evened_s is not None and found.evened_s[1]:
         made = replace(made, part_s=found.evened_s)
     repeats = found.shared is not None and len(found.lines)
@@ -291,6 +293,18 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         take_last=last,
         resample="period" if drifts and not made.resample else made.resample,
     )
+
+
+def _is_motion(found: Findings, chosen: Chosen, made: Proposal) -> bool:
+    """Whether several motors move far and slowly."""
+    if len(chosen.inputs) < 2 or not chosen.by_torque:
+        return False
+    motions = [values for one in made.outputs if (values := one.in_unit("rad", "m")) is not None]
+    motions, torques = (
+        [_filled(values)[found.unbroken] for values in every]
+        for every in (motions, [one.column.values for one in chosen.inputs])
+    )
+    return moves_far(motions, torques, found.step_s)
 
 
 def _place(found: Findings, shared: Shared, *, cut: bool) -> tuple[int, int, bool]:

@@ -227,6 +227,24 @@ def sense_of_inertia(drive: Spectrum, motion: Spectrum, order: int, band: tuple[
     return float(u @ a) / size * min(float(np.linalg.norm(u)) / whole / _LEFT, 1.0) if size and told else 0.0
 
 
+def sense_of_loss(drive: Spectrum, motion: Spectrum, order: int) -> float:
+    """Tells which way a motor's motion counts against its torque by where the work goes.
+
+    A motor drives what loses energy, however joints pass it to each other: torque goes with the speed on the whole.
+
+    Args:
+        drive: The torque.
+        motion: The motor's motion, which becomes a speed by `order` derivatives.
+        order: From 0 to 2.
+
+    Returns:
+        Correlation of torque and speed, -1 to 1.
+    """
+    torque, speed = drive.values, motion.derivative(order)
+    size = float(np.linalg.norm(torque) * np.linalg.norm(speed))
+    return float(np.vdot(torque, speed).real) / size if size else 0.0
+
+
 def _split_off(values: ComplexArray, others: ComplexArray) -> FloatArray:
     """Real and imaginary part of a spectrum without what real factors of others make of it."""
     columns = np.concatenate([others.real, others.imag])

@@ -23,6 +23,7 @@ _ONE_SHOT = (
     "nothing repeats, so it is taken for a record without a response; for one say excitation:"
     " {signal: arbitrary, low_hz: .., high_hz: .., resolution_hz: ..} in place of this"
 )
+_MOTION = "all joints move far and slowly, which is for a rigid model"
 _NOTHING = "put the name of a variable in place of NAME and take the mark away: nothing looks like"
 _PLACEHOLDERS = {
     "inputs": "{name: drive, variable: NAME, unit: N m}",
@@ -63,7 +64,8 @@ def write_experiment(
     if "experiment" in counts:
         lines += [f"    experiments: {experiments}"]
     elif len(made.inputs) > 1 and not (made.one_shot or is_arbitrary):
-        lines += ["    experiments: 1 # check: to tell n inputs apart takes n logs, `{experiment}` in their names"]
+        needed = "a response takes n logs for n inputs, `{experiment}` in their names"
+        lines += [f"    experiments: 1 # check: {f'{_MOTION}; ' if made.is_motion else ''}{needed}"]
     if not made.one_shot:
         local = ", estimator: local_periodic" if len(made.inputs) > experiments and not is_arbitrary else ""
         lines += [f"    estimate: {{compensation: none{local}}}"]

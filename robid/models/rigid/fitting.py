@@ -14,7 +14,7 @@ from robid.models.rigid.files import model_of, solution_from_artifact, validatio
 from robid.models.rigid.fit.fitting import Simulate
 from robid.models.rigid.fit.gains import corrected
 from robid.models.rigid.fit.options import RigidFitOptions
-from robid.models.rigid.fit.shots import Shot, shots_of
+from robid.models.rigid.fit.shots import Shot, shots_of, without_gears
 from robid.models.rigid.judge.identifying import identify
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.models.rigid.settings import loaded_campaign, rigid_fit
@@ -78,8 +78,9 @@ def phrase_of_model(model: Artifact) -> str:
 
 
 def robot_of(data: Data) -> Robot:
-    """Returns the robot file's robot with the fit's payload."""
-    return data.loaded.robot.to_robot(loaded_campaign(data.loaded, data.name).payload_kg)
+    """Returns the robot file's robot with the fit's payload, as far as its records leave it in doubt."""
+    robot = data.loaded.robot.to_robot(loaded_campaign(data.loaded, data.name).payload_kg)
+    return without_gears(robot, data.records[0])
 
 
 def shots_in(data: Data, campaigns: Sequence[str], robot: Robot) -> tuple[Shot, ...]:

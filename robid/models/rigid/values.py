@@ -7,7 +7,7 @@ from typing import Any
 
 from robid.models.rigid.fit.gains import corrected
 from robid.models.rigid.fit.options import RigidFitOptions
-from robid.models.rigid.fit.shots import Shot, shots_of
+from robid.models.rigid.fit.shots import Shot, shots_of, without_gears
 from robid.models.rigid.judge.identifying import identify
 from robid.models.rigid.judge.validating import validate_rigid
 from robid.results.fitted import Fitted
@@ -42,6 +42,7 @@ def fit_values(
         Janot et al. (2009); docs/methods, sec. 7.
     """
     chosen, own = options_from(RigidFitOptions, options, "fit_model(rigid)"), _several(records)
+    robot = without_gears(robot, own[0])
     solution, alone = identify(robot, own[0], _shots(own, robot, delay_s), chosen)
     if validate_on is None:
         return Fitted("rigid", solution.estimate, solution, alone)

@@ -161,7 +161,12 @@ def hypotheses_of(
         ratio (n_motor,): Gear ratios.
         torque_constant (n_motor,): Torque constants, NaN where none is stated [N m/A].
     """
-    return [*_torques(names, len(moved), ratio, torque_constant), *_motions(names, moved, ratio), *_times(names, moved)]
+    return [
+        *_torques(names, len(moved), ratio, torque_constant),
+        *_motions(names, moved, ratio),
+        *_other_sides(names, moved, ratio),
+        *_times(names, moved),
+    ]
 
 
 def _torques(
@@ -211,6 +216,21 @@ def _both_sides(moved: Sequence[Channel], n_torque: int, n_state: int) -> Iterat
             scales = tuple(Scale(channel, factor, inverse=sign < 0, joints=()) for channel in channels)
             log = _log([n_torque + index for index in own], sign * np.log(SCALES[factor]), n_state)
             yield Hypothesis(scales, SCALES[factor], log, penalty + 1.0)
+
+
+def _other_sides(names: Sequence[str], moved: Sequence[Channel], ratio: FloatArray) -> Iterator[Hypothesis]:
+    """Torques and motions of all joints that are read as their motors', or the other way around: logs have either."""
+    sides, rows = {one.side for one in moved}, range(len(names), len(names) + len(moved))
+    turns = all(one.quantity in ("angle", "speed", "acceleration") for one in moved)
+    size, sign = np.log(np.abs(ratio)), 1 if sides == {"motor"} else -1
+    if len(sides) != 1 or not sides <= {"motor", "arm"} or not turns or not _differs(size):
+        return
+    # The torque of a joint is larger by its ratio than the motor's, its motion smaller.
+    of = [list(names).index(one.name.partition(".")[0]) for one in moved]
+    log = _log([*range(len(names)), *rows], sign * np.concatenate([size, -size[of]]), len(names) + len(moved) + 1)
+    channels = dict.fromkeys(f"{one.side}_angle" if one.quantity == "angle" else one.quantity for one in moved)
+    scales = Scale("torque", "gear_ratio", sign < 0), *(Scale(each, "gear_ratio", sign > 0) for each in channels)
+    yield Hypothesis(scales, float(np.exp(size.mean())), log, 1.0)
 
 
 def _counted(channel: str, joints: tuple[str, ...], rows: list[int], n_state: int, rare: float) -> Iterator[Hypothesis]:

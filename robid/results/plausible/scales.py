@@ -10,6 +10,7 @@ from robid.arrays import BoolArray, FloatArray, IntArray
 from robid.results.finding import Finding
 from robid.results.plausible.evidence import Evidence
 from robid.results.plausible.hypotheses import Named, Seen, hypotheses_of, joined, name_scales
+from robid.results.scale import channels_of, mistake
 from robid.robot.description import Robot
 from robid.robot.linearize import LinearModel, linearize, solve_statics
 from robid.robot.model import build_model
@@ -311,13 +312,14 @@ def _slope(stated: FloatArray, logged: FloatArray, least: float) -> tuple[float,
 def named_finding(named: Named, sources: str) -> Finding:
     """Says what was seen, what it would mean and what to write."""
     size, low, high = named.seen
-    words = [" and of the ".join(scale.what for scale in each.scales) for each in named.alike]
-    meant = [each.scales[0].mistake(each.factor, what) for each, what in zip(named.alike, words, strict=True)]
+    first = named.alike[0].scales
+    meant = [mistake(each.scales, each.factor) for each in named.alike]
+    other = tuple(scale for scale in first if scale.inverse != first[0].inverse)
     # What makes nonsense of the rest may leave nothing that shows how large the factor is.
     times = f"{size:.4g} [{low:.4g}, {high:.4g}] times" if np.isfinite(high) else "not"
     told = (
-        f"values of the {words[0]} are {times} what {sources}, as if {meant[0]}"
-        f"{''.join(f'; or {other}' for other in meant[1:])}"
+        f"values of the {channels_of([scale for scale in first if scale not in other])} are {times} what {sources}, "
+        f"{f'those of the {channels_of(other)} the inverse of that, ' if other else ''}as if {'; or '.join(meant)}"
     )
     scales = tuple(scale for each in named.alike for scale in each.scales)
     return Finding("units", told, decisive=True, strength=max(named.strength, 2.0), scales=scales)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -121,6 +121,18 @@ def positions_of(record: Record, robot: Robot) -> list[int]:
         DataError: If a joint has none.
     """
     return _chosen(record.output_channels, tuple(joint.name for joint in robot.joints), _POSITIONS, "outputs")
+
+
+def without_gears(robot: Robot, record: Record) -> Robot:
+    """Returns the robot without its doubts of gear ratios where a record has angle and torque of the joint itself.
+
+    What its links are does not depend on them then.
+    """
+    both = (record.input_channels, record.output_channels)
+    arms = [{one.name.removesuffix(".arm") for one in channels if one.side == "arm"} for channels in both]
+    known = {f"{name}.motor.gear_ratio" for name in set.intersection(*arms)}
+    doubted = [name for name in robot.assumed if name not in known]
+    return replace(robot, assumed=tuple(doubted))
 
 
 def refuse_unusable(robot: Robot, shots: Sequence[Shot]) -> None:

@@ -158,3 +158,20 @@ def test_a_size_that_nobody_stated_is_no_key(tmp_path, name, unit, scale):
     assert settings["unit"] == unit
     assert settings.get("scale") == scale
     assert "counts_per_turn" not in settings
+
+
+@pytest.mark.parametrize("kind", ["motion", "small", "multisine", "beside a slow motion"])
+def test_only_a_large_slow_motion_of_several_joints_is_for_a_rigid_model(tmp_path, kind):
+    """A slow motion that carries an excitation past Coulomb friction is none: the torques do not follow it."""
+    lines = np.array([1, 2, 3, 5]) if kind in ("motion", "small") else np.arange(4, 160, 3)
+    columns, rng = {}, np.random.default_rng(6)
+    for joint, size in (("a", 1.0), ("b", 0.6)):
+        angles = 2 * np.pi * lines[:, None] / 2 * TIME + rng.uniform(0, 2 * np.pi, (len(lines), 1))
+        acceleration = np.sin(angles).sum(axis=0)
+        motion = -(np.sin(angles) / (np.pi * lines[:, None]) ** 2).sum(axis=0)
+        motion *= (0.01 if kind == "small" else 1.0) * size / np.ptp(motion)
+        slow = 2 * np.sin(np.pi * TIME) if kind == "beside a slow motion" else 0.0
+        columns |= {f"torque_{joint} [Nm]": acceleration + 0.1 * np.sign(slow), f"angle_{joint} [rad]": motion + slow}
+    made = inspected(tmp_path, columns).proposal
+    assert len(made.inputs) == len(made.outputs) == 2
+    assert made.is_motion == (kind == "motion")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfilt
 
-from robid.logs.inspection.relations import relate_signals
+from robid.logs.inspection.relations import relate_signals, sense_of_loss, spectrum_of
 
 STEP = 1e-3
 RNG = np.random.default_rng(11)
@@ -65,3 +65,17 @@ def test_signals_without_a_relation_tell_none():
     found = relate_signals(angle, other, 1, STEP)
     assert found is None or found.carried < 0.1
     assert relate_signals(np.zeros(5000), np.zeros(5000), 1, STEP) is None
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("order", [0, 1])
+def test_work_that_friction_takes_tells_a_sign_whatever_other_joints_do(sign, order):
+    angle, speed = slow(20)
+    acceleration, other = np.gradient(speed, STEP), np.sin(2 * np.pi * 0.5 * STEP * np.arange(len(angle)))
+    # What another joint does outweighs this one's inertia and goes against it.
+    torque = -0.5 * acceleration + 3 * speed + other
+    motion = sign * (angle if order else speed)
+    found = sense_of_loss(spectrum_of(torque, STEP), spectrum_of(motion, STEP), order)
+    assert found * sign > 0.5
+    lossless = sense_of_loss(spectrum_of(acceleration - 2 * angle, STEP), spectrum_of(motion, STEP), order)
+    assert abs(lossless) < 0.05

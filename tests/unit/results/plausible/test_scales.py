@@ -91,6 +91,13 @@ def test_the_factor_stands_in_the_message_with_its_interval_and_what_to_write():
     assert "`unit: deg`" in told
 
 
+def test_torques_and_angles_of_the_joints_read_as_the_motors_are_named_together():
+    ratio = robot().gear_ratio
+    found = first(misread(exact(), torque=ratio, angle=1 / ratio))
+    assert found.scales == (Scale("torque", "gear_ratio"), Scale("motor_angle", "gear_ratio", inverse=True))
+    assert "`<joint>.arm`" in found.message
+
+
 def test_what_gives_the_same_data_is_named_beside_it():
     # Where no angle is known against the configurations, angles that are too small look like torques too large.
     frf = replace(exact(), mean_output=None, mean_input=None, motion_rms=None)

@@ -7,7 +7,7 @@ import pytest
 
 from rigid_robots import random_chain, with_gears
 from robid.errors import DataError
-from robid.models.rigid.fit.shots import shots_of
+from robid.models.rigid.fit.shots import shots_of, without_gears
 from robid.robot.description import no_motor
 from robid.signals.quantities import Channel
 from robid.signals.record import Record
@@ -73,3 +73,15 @@ def test_a_motion_that_is_measured_twice_is_refused():
     position, torque = np.random.default_rng(0).standard_normal((2, N_SAMPLE, N_JOINT))
     with pytest.raises(DataError, match="twice"):
         shots_of(_record(robot, sides, sides, position, torque), robot)
+
+
+@pytest.mark.parametrize("moves", [False, True])
+@pytest.mark.parametrize("drives", [False, True])
+def test_a_gear_ratio_is_in_doubt_unless_angle_and_torque_are_the_joints_own(moves, drives):
+    robot = random_chain(3, N_JOINT, slides=0.0)
+    ratios = [f"{joint.name}.motor.gear_ratio" for joint in robot.joints]
+    robot = replace(robot, assumed=(*ratios, "payload.mass_kg"))
+    nothing = np.zeros((N_SAMPLE, N_JOINT))
+    first = np.arange(N_JOINT) == 0
+    found = without_gears(robot, _record(robot, first & moves, first & drives, nothing, nothing))
+    assert found.assumed == (*ratios[moves and drives :], "payload.mass_kg")

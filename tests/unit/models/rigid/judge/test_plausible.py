@@ -97,6 +97,33 @@ def test_units_that_are_off_are_named_and_nothing_is_to_be_used(robot, shot, cha
     assert (finding.cause, finding.decisive, finding.scales[0], more) == ("units", True, scale, [])
 
 
+@pytest.mark.parametrize("factors", [(1, 1, 1), (2, 0.5, 2), (0.5, 0.5, 0.5)])
+@pytest.mark.parametrize("named", ["motor", "arm"])
+def test_torques_and_angles_of_the_other_side_of_all_gears_are_named_together(robot, factors, named):
+    geared = robot
+    for joint, ratio in enumerate((100, 80, 50)):
+        geared = _with_gear(geared, joint, ratio)
+    rough, shot = with_masses(geared, factors), shot_along(geared, fourier_motion(geared, N_SAMPLE))
+
+    def told(shot):
+        channels = tuple(
+            replace(one, name=f"{one.name}.arm", side="arm") for one in _record(rough, shot).output_channels
+        )
+        record = _record(rough, shot)
+        record = replace(record, output_channels=channels) if named == "arm" else record
+        return rigid_scale_findings(rough, [shot], motions_of(record, rough), OPTIONS)
+
+    # A joint's torque is the ratio times its motor's; named after the arm, what was the motor's is brought there again.
+    ratio = geared.gear_ratio ** (1 if named == "motor" else -1)
+    assert told(shot) == ()
+    (finding,) = told(replace(shot, torque=shot.torque * ratio, position=shot.position / ratio))
+    small = named == "arm"
+    assert finding.scales[:2] == (
+        Scale("torque", "gear_ratio", small),
+        Scale(f"{named}_angle", "gear_ratio", not small),
+    )
+
+
 @pytest.mark.parametrize("joint", [0, 1, 2])
 def test_degrees_of_a_motor_that_turns_other_joints_too_are_its_own(robot, joint):
     coupled = with_gears(robot)
