@@ -235,13 +235,22 @@ def _commented(lines: Sequence[str], widths: tuple[int, int], dialect: Dialect, 
 
 
 def units_of(names: Sequence[str]) -> list[str]:
-    """Units in brackets at the end of names."""
-    return [found[1].strip() if (found := _BRACKETS.search(name)) else "" for name in names]
+    """Units in brackets at the end of names; a number is an index, and what differs behind one name tells joints."""
+    found = [_BRACKETS.search(name) for name in names]
+    inside = ["" if one is None else one[1].strip() for one in found]
+    stems = [name if one is None else name[: one.start()] for name, one in zip(names, found, strict=True)]
+    behind: dict[str, set[str]] = {}
+    for stem, text in zip(stems, inside, strict=True):
+        behind.setdefault(stem, set()).add(text)
+    labels = {stem for stem, texts in behind.items() if len(texts) > 1 and not any(map(_is_unit, texts))}
+    return ["" if one.isdigit() or stem in labels else one for stem, one in zip(stems, inside, strict=True)]
+
+
+def _is_unit(text: str) -> bool:
+    return bool(_UNITS.fullmatch(text.strip("[]() ").lower().replace(" ", "")))
 
 
 def _are_units(cells: Sequence[str]) -> bool:
     stated = [cell for cell in cells if cell]
-    known = [
-        cell for cell in stated if _UNITS.fullmatch(cell.strip("[]() ").lower().replace(" ", "")) or cell[0] in "[("
-    ]
+    known = [cell for cell in stated if _is_unit(cell) or cell[0] in "[("]
     return bool(stated) and 2 * len(known) >= len(stated)

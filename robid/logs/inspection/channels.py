@@ -14,7 +14,7 @@ from robid.logs.inspection.names import DRIVING, MOVING
 from robid.logs.inspection.relations import response_at, sense_of_inertia, sense_of_loss
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, find_sides
-from robid.logs.inspection.vocabulary import CONVERTED, Role
+from robid.logs.inspection.vocabulary import CONVERTED, ESTIMATED, Role, tokens
 from robid.signals.quantities import UNITS
 
 _SENSED = 0.3  # mean cosine from which a sign is told from the data
@@ -100,12 +100,16 @@ def _one_kind(signals: list[Signal]) -> list[Signal]:
     ordered = sorted(signals, key=lambda one: (not one.is_sure, one.commanded, _PREFERRED.index(one.role)))
     for role, commanded in dict.fromkeys((one.role, one.commanded) for one in ordered):
         own: dict[str, Signal] = {}
-        for one in sorted(signals, key=lambda one: SIDES[one.hint.side]):
+        for one in sorted(signals, key=lambda one: (_is_estimated(one), SIDES[one.hint.side])):
             if (one.role, one.commanded) == (role, commanded):
                 own.setdefault(one.hint.joint, one)
         if len(own) > len(best):
             best = [one for one in signals if own.get(one.hint.joint) is one]
     return best
+
+
+def _is_estimated(signal: Signal) -> bool:
+    return not ESTIMATED.isdisjoint(tokens(signal.column.name))
 
 
 def propose_inputs(chosen: Chosen, comparison: Comparison, band: tuple[float, float]) -> tuple[Entry, ...]:

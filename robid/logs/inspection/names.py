@@ -39,6 +39,7 @@ _SIGNALS = re.compile(r"(^|\.)signals([({]\d+[)}])?\.values$")
 # A name that ends in the letter of a joint or a phase, as `J1_A`
 _LETTERED = re.compile(r"^(.*[A-Za-z]\d+)[\s_.]?[A-Z]$")
 _SHORT = re.compile("[qi][a-z]")
+_DESIRED = re.compile(r"_d(?=(_?\d+|[\[(]\d+[\])])?$)")
 _QUANTITIES: dict[str, Role] = {"N m": "torque", "A": "current", "N": "force", "rad": "angle", "m": "position"}
 _QUANTITIES |= {"rad/s": "speed", "m/s": "speed", "rad/s^2": "acceleration", "m/s^2": "acceleration"}
 
@@ -99,6 +100,10 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
         if one.by_letter and not column.unit and len(letters[stem, column.file] - {""}) > 1:
             stated[place] = Stated("", "", column.name)
     hints = [_hint(column, one) for column, one in zip(columns, stated, strict=True)]
+    names = {one.name for one in columns}
+    for place, column in enumerate(columns):
+        if hints[place].role in DRIVING and _DESIRED.sub("", column.name) in names - {column.name}:
+            hints[place] = replace(hints[place], commanded=True)
     for file in dict.fromkeys(one.file for one in columns):
         own = [place for place, one in enumerate(columns) if one.file == file]
         if len(own) < 2 or any(hints[place].role for place in own):
@@ -107,6 +112,11 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
         for place in own if role else ():
             hints[place] = replace(hints[place], role=role, by="file")
     return _with_labels(columns, hints)
+
+
+def is_desired(name: str, other: str) -> bool:
+    """Whether a name is another one's with a `d` for desired, as in `tau_J_d[0]`; of motions it may be a derivative."""
+    return _DESIRED.sub("", name) == other != name
 
 
 def _last_letter(name: str) -> tuple[str, str]:

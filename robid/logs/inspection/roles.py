@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from robid.logs.inspection.contents import Column
-from robid.logs.inspection.names import DRIVING, MOVING, Hint, read_names
+from robid.logs.inspection.names import DRIVING, MOVING, Hint, is_desired, read_names
 from robid.logs.inspection.quality import Quality, Wrap, find_wrap, unwrapped
 from robid.logs.inspection.relations import Likeness, Relation, Spectrum, compare, relate, spectrum_of
 from robid.logs.inspection.sampling import is_ramp
@@ -280,6 +280,10 @@ def _find_commands(signals: dict[str, Signal], comparison: Comparison) -> None:
             continue
         like = comparison.like(a, b, 0)
         if like.correlation < _FOLLOWS:
+            continue
+        if is_desired(a.name, b.name) or is_desired(b.name, a.name):
+            desired = a if is_desired(a.name, b.name) else b
+            signals[desired.name] = replace(desired, commanded=True)
             continue
         lead, follow, delay = (a, b, like.delay) if like.delay > 0 else (b, a, -like.delay)
         told = f"`{follow.name}` follows it after {delay:.2g} samples"

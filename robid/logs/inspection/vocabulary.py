@@ -52,6 +52,22 @@ MEASURED = frozenset(
         *("mess", "messwert", "gemessen", "mesure", "mesuree", "mes", "reel", "reelle"),
     )
 )
+ESTIMATED = frozenset(
+    (
+        "ext",
+        "external",
+        "extern",
+        "externe",
+        "hat",
+        "est",
+        "estimated",
+        "estimate",
+        "observer",
+        "disturbance",
+        "residual",
+    )
+)
+"""Words of torques that a controller's observer makes beside those that drive."""
 SIDES: dict[str, Side] = {
     **dict.fromkeys(("motor", "mot", "mtr", "rotor", "servo", "moteur", "antrieb"), "motor"),
     **dict.fromkeys(("load", "link", "arm", "output", "secondary", "second", "table", "last", "abtrieb"), "arm"),

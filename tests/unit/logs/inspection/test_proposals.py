@@ -175,3 +175,50 @@ def test_only_a_large_slow_motion_of_several_joints_is_for_a_rigid_model(tmp_pat
     made = inspected(tmp_path, columns).proposal
     assert len(made.inputs) == len(made.outputs) == 2
     assert made.is_motion == (kind == "motion")
+
+
+def cobot(names: dict[str, str], labels=tuple("0123")) -> dict[str, np.ndarray]:
+    """A log of joints that move far and slowly, its names made of patterns for what it holds, in their order."""
+    rng = np.random.default_rng(7)
+    phases = rng.uniform(0, 2 * np.pi, len(labels))
+    angles = np.sin(np.pi * TIME + phases[:, None]) + 0.3 * np.sin(3.3 * np.pi * TIME + 2 * phases[:, None])
+    speeds, noise = np.gradient(angles, STEP, axis=1), 1e-3 * rng.normal(size=(5, *angles.shape))
+    torques = np.gradient(speeds, STEP, axis=1) + 2 * speeds + 20 * np.sin(angles)
+    held = {
+        "angle": angles,
+        "speed": speeds + noise[0],
+        "desired angle": angles + 2e-3 * speeds,
+        "torque": torques + noise[1],
+        "desired torque": 0.2 * torques + noise[2],
+        "external torque": 0.1 * torques + noise[3],
+    }
+    return {
+        pattern.replace("#", label): held[kind][row]
+        for kind, pattern in names.items()
+        for row, label in enumerate(labels)
+    }
+
+
+FRANKA = {"angle": "q[#]", "speed": "dq[#]", "desired angle": "q_d[#]"}
+FRANKA |= {"torque": "tau_J[#]", "desired torque": "tau_J_d[#]", "external torque": "tau_ext_hat_filtered[#]"}
+UNDERSCORES = {kind: name.replace("[#]", "_#") for kind, name in FRANKA.items()}
+LABELS = ("base", "shoulder", "elbow", "wrist")
+
+
+@pytest.mark.parametrize("names", [FRANKA, dict(reversed(FRANKA.items())), UNDERSCORES])
+def test_an_index_in_brackets_is_no_unit_and_what_is_desired_or_estimated_was_not_measured(tmp_path, names):
+    made = inspected(tmp_path, cobot(names)).proposal
+    assert [one.signal.name for one in made.inputs] == [names["torque"].replace("#", str(row)) for row in range(4)]
+    assert [one.signal.name for one in made.outputs] == [names["angle"].replace("#", str(row)) for row in range(4)]
+    assert {one.settings["unit"] for one in (*made.inputs, *made.outputs)} == {"N m", "rad"}
+
+
+def test_labels_in_brackets_behind_one_name_are_joints_and_units_stay_units(tmp_path):
+    names = {"angle": "position[#]", "torque": "effort[#]"}
+    made = inspected(tmp_path, cobot(names, LABELS)).proposal
+    assert [one.name for one in made.inputs] == list(LABELS)
+    assert {one.settings["unit"] for one in (*made.inputs, *made.outputs)} == {"N m", "rad"}
+    torque = np.random.default_rng(2).normal(size=N)
+    angle = np.cumsum(np.cumsum(torque)) * STEP**2
+    made = inspected(tmp_path, {"torque [digits]": torque, "torque [%]": 2 * torque, "angle [deg]": angle}).proposal
+    assert made.inputs[0].settings["unit"] == "digits"
