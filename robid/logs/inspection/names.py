@@ -165,6 +165,8 @@ def _hint(column: Column, stated: Stated) -> Hint:
     own = tokens(_plain(_LETTERED.sub(r"\1", _LABEL.sub("", stated.rest) if label else stated.rest)))
     words = own + tokens(column.title)
     role, by = _role(stated.unit, words, own)
+    if by in ("name", "short"):
+        role = _derived(role, words.count("dot") + 2 * words.count("ddot"))
     side: Side = next((SIDES[word] for word in words if word in SIDES), "")
     joint = label[1] if label else _joint(stated.rest)
     return Hint(role, by, _commanded(words), side, joint, stated.unit, stated.raw, stated.by_letter)
@@ -197,6 +199,15 @@ def _role(unit: str, words: tuple[str, ...], own: tuple[str, ...] = ()) -> tuple
     for role in [LETTERS[one] for one in letters if one in LETTERS][:1]:
         return role, "short"
     return "", ""
+
+
+def _derived(role: Role, order: int) -> Role:
+    """The role of a derivative of a signal, as `theta_dot` is one of an angle."""
+    motions: tuple[Role, ...] = ("angle", "speed", "acceleration")
+    place = 0 if role == "position" else motions.index(role) if role in motions else len(motions)
+    if not order or not role:
+        return role
+    return motions[place + order] if place + order < len(motions) else "other"
 
 
 def _commanded(words: tuple[str, ...]) -> bool | None:

@@ -25,8 +25,8 @@ _WORDS: dict[Role, str] = {
     "angle": "angle angles ang theta phi rotation winkel drehwinkel",
     "position": "position positions pos posn enc encoder lage displacement disp travel slide qpos weg stellung"
     " deplacement",
-    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt rpm drehzahl geschwindigkeit qvel tacho"
-    " tachometer vitesse vit",
+    "speed": "speed speeds vel velocity velocities omega qd dq qdot dqdt dtheta thetadot dphi phidot rpm drehzahl"
+    " geschwindigkeit qvel tacho tachometer vitesse vit",
     "acceleration": "acceleration accelerations acc accel qdd ddq qddot beschleunigung qacc",
     "other": "temperature temp status state flag mode counter count index seq error err warning vdc bus dclink id sec"
     " secs nanosec nanosecs digital din dout msr mask valid quality humidity frame temperatur fehler zustand erreur",
