@@ -22,10 +22,11 @@ _STILL = 0.1  # rad that no joint moves further where motors, whose angles were 
 
 
 def behind_gears(found: Findings, joints: Sequence[CarriedJoint]) -> tuple[Findings, tuple[str, ...]]:
-    """Names channels of a large motion `<joint>.arm` where they are the joints', as controllers of arms log them.
+    """Names channels `<joint>.arm` where they are the joints', as metres and newtons of slides always are.
 
-    Angles are, where every joint has the room for them and their motors would hardly move any. Torques are, where they
-    are nearer to what the joints carry than to the same over their gear ratios.
+    Controllers of arms log large motions on either side. Angles are the joints' where every joint has the room for
+    them and their motors would hardly move any. Torques are, where they are nearer to what the joints carry than to
+    the same over their gear ratios.
 
     Args:
         found: What is in the log, its channels named after the joints.
@@ -35,26 +36,36 @@ def behind_gears(found: Findings, joints: Sequence[CarriedJoint]) -> tuple[Findi
         The findings, and what is to be checked of them.
     """
     made = found.proposal
-    if not (made.is_motion or made.one_shot):
-        return found, ()
     ratios = {joint.name: drive.ratio for joint, drive in zip(joints, drives(joints), strict=True)}
-    known = {joint.name: joint for joint in joints if not joint.slides}
-    angles, torques = _are_joints_angles(made.outputs, known, ratios), _are_joints_torques(made.inputs, known, ratios)
+    turning = {joint.name: joint for joint in joints if not joint.slides}
+    is_motion = made.is_motion or made.one_shot
+    angles, torques, commands = (
+        set(turning) if is_motion and are_joints(entries, turning, ratios) else set[str]()
+        for are_joints, entries in (
+            (_are_joints_angles, made.outputs),
+            (_are_joints_torques, made.inputs),
+            (_are_joints_angles, made.references),
+        )
+    )
+    slides = {joint.name for joint in joints if joint.slides}
     made = replace(
         made,
-        inputs=_of_arms(made.inputs, known, torques),
-        outputs=_of_arms(made.outputs, known, angles),
-        references=_of_arms(made.references, known, _are_joints_angles(made.references, known, ratios)),
+        inputs=_of_arms(made.inputs, torques, slides),
+        outputs=_of_arms(made.outputs, angles, slides),
+        references=_of_arms(made.references, commands, slides),
     )
-    what = " and ".join(name for name, is_joints in (("angles", angles), ("torques", torques)) if is_joints)
+    what = " and ".join(name for name, are_joints in (("angles", angles), ("torques", torques)) if are_joints)
     told = (
         f"{what} are taken for those of the joints, by their size: take `.arm` off their names if they are the motors'"
     )
     return replace(found, proposal=made), ((told,) if what else ())
 
 
-def _of_arms(entries: tuple[Entry, ...], joints: dict[str, CarriedJoint], is_joints: bool) -> tuple[Entry, ...]:
-    return tuple(replace(one, name=f"{one.name}.arm") if is_joints and one.name in joints else one for one in entries)
+def _of_arms(entries: tuple[Entry, ...], joints: set[str], slides: set[str]) -> tuple[Entry, ...]:
+    def is_arms(one: Entry) -> bool:
+        return one.name in joints or (one.name in slides and one.in_unit("m", "N", "m/s", "m/s^2") is not None)
+
+    return tuple(replace(one, name=f"{one.name}.arm") if is_arms(one) else one for one in entries)
 
 
 def _are_joints_angles(entries: Sequence[Entry], joints: dict[str, CarriedJoint], ratios: dict[str, float]) -> bool:

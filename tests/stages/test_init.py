@@ -298,6 +298,29 @@ def test_a_motion_of_all_joints_is_fitted_rigidly_on_the_side_of_the_gears_that_
     assert any(".arm" in step for step in answer.json["steps"]) == bool(side)
 
 
+def test_metres_and_newtons_of_a_slide_are_the_arms(here):
+    rng, time = np.random.default_rng(5), np.arange(0, 10, 2e-3)
+    columns = {"time [s]": time}
+    for name, size, inertia, units in (
+        ("shoulder", 1.0, 0.8, ("rad", "Nm")),
+        ("elbow", 0.9, 0.3, ("rad", "Nm")),
+        ("lift", 0.08, 2.0, ("m", "N")),
+        ("wrist", 1.5, 0.01, ("rad", "Nm")),
+    ):
+        omega, phases = 2 * np.pi * np.array([0.3, 0.7]), rng.uniform(0, 2 * np.pi, (2, 1))
+        q, v = (size / 2 * wave(omega[:, None] * time + phases) for wave in (np.sin, np.cos))
+        speed = omega @ v
+        effort = inertia * (-(omega**2) @ q) + 2 * inertia * speed + 3 * inertia * np.sign(speed)
+        columns |= {f"pos_{name}[{units[0]}]": q.sum(axis=0), f"effort_{name}[{units[1]}]": effort}
+    write_csv(here / "motion.csv", columns)
+    (here / "arm.urdf").write_text(SCARA)
+    answer = ask("init", "mine", "--model", "arm.urdf", "--log", "motion.csv", "--json")
+    assert answer.code == 0, answer.err
+    loaded = load_experiment(here / "mine/mine.yaml")
+    assert [fit.family for fit in loaded.experiment.fits.values()] == ["rigid"]
+    assert (here / "mine/mine.yaml").read_text().count("{name: lift.arm, ") == 2
+
+
 def test_a_log_of_other_axes_leaves_their_names_to_be_given(here):
     write_csv(here / "bench.csv", log_of([("torque[Nm]", "angle[rad]")]))
     (here / "arm.urdf").write_text(two_axes(SCARA))

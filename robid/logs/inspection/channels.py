@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from robid.arrays import FloatArray
-from robid.logs.inspection.names import DRIVING, MOVING
+from robid.logs.inspection.names import DRIVING, MOVING, of_turning
 from robid.logs.inspection.relations import response_at, sense_of_inertia, sense_of_loss
 from robid.logs.inspection.roles import Comparison, Signal, derivatives
 from robid.logs.inspection.sides import SIDES, find_sides
@@ -95,17 +95,25 @@ def choose(signals: Sequence[Signal]) -> Chosen:
 
 
 def _one_kind(signals: list[Signal]) -> list[Signal]:
-    """One signal for each joint, all of the kind that most joints have; measured ones before commanded ones."""
+    """One signal for each joint, all of the kind that most joints have; measured ones before commanded ones.
+
+    Forces of joints that slide are of one kind with torques.
+    """
     best: list[Signal] = []
     ordered = sorted(signals, key=lambda one: (not one.is_sure, one.commanded, _PREFERRED.index(one.role)))
-    for role, commanded in dict.fromkeys((one.role, one.commanded) for one in ordered):
+    for role, commanded in dict.fromkeys((of_turning(one.role), one.commanded) for one in ordered):
         own: dict[str, Signal] = {}
-        for one in sorted(signals, key=lambda one: (_is_estimated(one), SIDES[one.hint.side])):
-            if (one.role, one.commanded) == (role, commanded):
+        for one in sorted(signals, key=_behind):
+            if (of_turning(one.role), one.commanded) == (role, commanded):
                 own.setdefault(one.hint.joint, one)
         if len(own) > len(best):
             best = [one for one in signals if own.get(one.hint.joint) is one]
     return best
+
+
+def _behind(signal: Signal) -> tuple[bool, int, int]:
+    """What of a joint comes first: what no observer estimates, nearest to the motor, a torque before a force."""
+    return _is_estimated(signal), SIDES[signal.hint.side], _PREFERRED.index(signal.role)
 
 
 def _is_estimated(signal: Signal) -> bool:

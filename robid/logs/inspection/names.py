@@ -114,6 +114,12 @@ def read_names(columns: Sequence[Column]) -> list[Hint]:
     return _with_labels(columns, hints)
 
 
+def of_turning(role: Role) -> Role:
+    """What stands for a role where a joint turns: a force of one that slides is the torque of another."""
+    turning: dict[Role, Role] = {"force": "torque", "position": "angle"}
+    return turning.get(role, role)
+
+
 def is_desired(name: str, other: str) -> bool:
     """Whether a name is another one's with a `d` for desired, as in `tau_J_d[0]`; of motions it may be a derivative."""
     return _DESIRED.sub("", name) == other != name
@@ -133,7 +139,7 @@ def _with_labels(columns: Sequence[Column], hints: list[Hint]) -> list[Hint]:
     kinds: dict[tuple[Role, bool | None], list[str]] = {}
     for rest, hint in zip(left, hints, strict=True):
         if hint.role in (*DRIVING, *MOVING):
-            kinds.setdefault((hint.role, hint.commanded), []).append(rest)
+            kinds.setdefault((of_turning(hint.role), hint.commanded), []).append(rest)
     several = [set(one) for one in kinds.values() if len(one) > 1 and len(set(one)) == len(one) and "" not in one]
     known = {rest for one in several for rest in one if sum(rest in other for other in several) > 1}
     if len(known) < 2:

@@ -222,3 +222,12 @@ def test_labels_in_brackets_behind_one_name_are_joints_and_units_stay_units(tmp_
     angle = np.cumsum(np.cumsum(torque)) * STEP**2
     made = inspected(tmp_path, {"torque [digits]": torque, "torque [%]": 2 * torque, "angle [deg]": angle}).proposal
     assert made.inputs[0].settings["unit"] == "digits"
+
+
+def test_a_force_of_a_joint_that_slides_stands_beside_the_torques_of_the_others(tmp_path):
+    names = {"angle": "pos_#[rad]", "torque": "effort_#[Nm]"}
+    columns = cobot(names, LABELS)
+    slides = {name: name.replace("[rad]", "[m]").replace("[Nm]", "[N]") for name in columns if "elbow" in name}
+    made = inspected(tmp_path, {slides.get(name, name): values for name, values in columns.items()}).proposal
+    assert [one.name for one in made.inputs] == [one.name for one in made.outputs] == list(LABELS)
+    assert [one.settings["unit"] for one in made.inputs] == ["N m", "N m", "N", "N m"]
