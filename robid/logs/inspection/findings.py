@@ -275,7 +275,7 @@ def _propose(found: Findings, chosen: Chosen, comparison: Comparison) -> Proposa
         count, part = len(chosen.inputs), found.unbroken
         duration_s = (part.stop - part.start) * found.step_s
         told_apart = count == 1 or (count > 1 and chosen.by_torque)
-        broad = told_apart and is_broad(band, found.step_s, duration_s)
+        broad = told_apart and not made.is_motion and is_broad(band, found.step_s, duration_s)
         if broad:  # half of the energy of the slowest input is below this frequency [Hz]
             halves = [energy_band(_filled(one.column.values), found.step_s, 0.0)[0] for one in chosen.inputs]
             if is_resolved(band, min(halves), duration_s, count):
