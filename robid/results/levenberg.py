@@ -132,7 +132,7 @@ def _descend(
         gain = (here.cost - trial) / predicted if predicted > 0 else 0.5 * np.sign(here.cost - trial)
         if np.isfinite(trial) and gain > 0:
             # Damping falls smoothly with the ratio of true to predicted decrease.
-            damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), 1e-12), 2.0
+            damping, growth = max(damping * max(1 / 5, 1 - (2 * min(gain, 1.0) - 1) ** 3), 1e-12), 2.0
             finished = here.cost - trial <= cost_tolerance * here.cost
             point, here = there, normal(there)
         else:

@@ -158,3 +158,18 @@ def test_a_step_that_damping_made_small_is_not_convergence(size):
 def test_a_small_step_without_damping_is_convergence():
     found = minimise(lambda _: 1.0, lambda _: Normal(1.0, np.array([1e-2]), np.array([[1e8]])), np.zeros(1))
     assert found.status == "converged"
+
+
+def test_a_step_that_gains_more_than_any_quadratic_model_foresaw_is_taken():
+    """Where a bound cuts a step short, what is foreseen of the rest may be next to nothing."""
+    foreseen, curvature = 1e-130, 1e-250
+
+    def cost(point):
+        return float((1 - 0.5 * point[0]) ** 2)
+
+    def normal(point):
+        return Normal(cost(point), np.array([-foreseen]), np.array([[curvature]]))
+
+    found = minimise(cost, normal, np.zeros(1), lower=np.zeros(1), upper=np.ones(1))
+    assert found.parameters[0] == 1.0
+    assert found.cost == 0.25

@@ -256,7 +256,7 @@ def descend(
         gain = (here.cost - there.cost) / predicted if there is not None else -1.0
         if there is not None and gain > 0:
             # The better the quadratic model foresaw the gain, the less damping; refused steps raise it ever faster.
-            damping, growth = damping * max(0.1, 1 - (2 * gain - 1) ** 3), 2.0
+            damping, growth = damping * max(0.1, 1 - (2 * min(gain, 1.0) - 1) ** 3), 2.0
             here, reflected = there, reflected or folded
         else:
             damping, growth = damping * growth, growth * 2

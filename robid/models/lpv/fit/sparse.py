@@ -170,7 +170,7 @@ def descend(priced: Penalised, start: FloatArray, *, tolerance: float, step_limi
         if had > 0:
             point, objective = trial, objective - had
             gain = had / foreseen if foreseen > 0 else 1.0
-            damping, growth = max(damping * max(1 / 5, 1 - (2 * gain - 1) ** 3), _LEAST_DAMPING), 2.0
+            damping, growth = max(damping * max(1 / 5, 1 - (2 * min(gain, 1.0) - 1) ** 3), _LEAST_DAMPING), 2.0
         else:
             damping, growth = damping * growth, growth * 2
         if foreseen <= small or 0 < had <= small:
